@@ -40,11 +40,15 @@ def row(part, form):
         source = source_of(part, form, scratch)
         begin = time.process_time()
         done = ran("build", *source, "--out", scratch / "out", "--stage", "verify")
-        spent = time.process_time() - begin
-        folder = scratch / ("out" if (scratch / "out").exists() else "out-rejected")
-        if not (folder / "verify.json").exists():
-            return f"| {part} | {form} | {done.stderr.strip().splitlines()[-1]} | | | | | {spent:.0f} |"
-        verdict, plan = (json.loads((folder / name).read_text()) for name in ("verify.json", "plan.json"))
+        return told(part, form, done, scratch / "out", time.process_time() - begin)
+
+
+def told(part, form, done, out, spent):
+    """The line of a build.   done: what the command came to.   out: its folder, where it was published.   spent: CPU s."""
+    folder = out if out.exists() else out.with_name(f"{out.name}-rejected")
+    if not (folder / "verify.json").exists():
+        return f"| {part} | {form} | {done.stderr.strip().splitlines()[-1]} | | | | | {spent:.0f} |"
+    verdict, plan = (json.loads((folder / name).read_text()) for name in ("verify.json", "plan.json"))
     kinds = sorted({f["kind"] for s in verdict["setups"] for f in s["findings"]} | {f["kind"] for f in verdict["findings"]})
     made = [o for s in plan["setups"] for o in s["operations"]]
     said = "VERIFIED" if done.returncode == 0 and verdict["ok"] else f"REJECTED: {', '.join(kinds)}"

@@ -70,6 +70,7 @@ def folder(tmp_path_factory):
     (base / "measured.csv").write_text("setup,marker,x_mm,y_mm,z_mm\n"
                                        "setup-1,one,0,0,0\nsetup-1,two,24.001,0,0\nsetup-1,three,0,4,0\n")
     fusion_library(base / "shop.json", fusion_tool(DC=6.0, LCF=20.0, OAL=60.0, SFDM=6.0))
+    fusion_library(base / "shop.tools", fusion_tool(DC=6.0, LCF=20.0, OAL=60.0, SFDM=6.0))
     return base
 
 

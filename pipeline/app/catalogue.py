@@ -222,8 +222,14 @@ def find_machine(name_or_file):
 
 
 def find_library(path):
-    """The tool library of a file; None: the one that comes with cuspline."""
-    return library_from_json(path if path is not None else LIBRARIES / f"{DEFAULT_LIBRARY}.json")
+    """The tool library of a file, or of that name among those that come with cuspline; None: the first of these."""
+    own = LIBRARIES / f"{DEFAULT_LIBRARY if path is None else path}.json"
+    return library_from_json(own if path is None or str(path) in library_names() else path)
+
+
+def library_names():
+    """Names of the tool libraries that come with cuspline."""
+    return sorted(p.stem for p in LIBRARIES.glob("*.json"))
 
 
 def find_shop(path, assignments):

@@ -25,11 +25,13 @@ from cuspline.shop.cutters import simulated
 from cuspline.shop.cutting_forces import force_of
 from cuspline.shop.materials import known_materials
 from cuspline.shop.tool_lives import life_of
+from cuspline.surfaces.threaded_walls import faces_with_threads, threaded_walls
 from cuspline.values.checkpoints import NOTHING
 from cuspline.values.errors import InputError, ReadError
 from cuspline.values.findings import Finding, axes_upright, located
 from cuspline.values.input_files import refuse_irregular, sha256_of
 from cuspline.verification.body_clearance import body_findings
+from cuspline.verification.drilled_holes import drilled_points
 from cuspline.verification.engraving import engraving_findings, raised
 from cuspline.verification.feeding import feeding_findings
 from cuspline.verification.file_checks import changed_files, changed_job, program_findings, tool_table_findings
@@ -210,6 +212,7 @@ def begun(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
     if published is not None:
         refuse_self_crossing(solid, shape_of(solid), f"the solid in {job.step}")
     faces, programs = brep.faces_of(solid), []
+    threaded = threaded_walls(faces, faces_with_threads(faces, job.threads, job.predicates)) if job.threads else ()
     for program in read:
         setup = program.setup
         wanted = tuple(brep.named_faces(faces, job.predicates, setup.faces))
@@ -218,7 +221,8 @@ def begun(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
         posted = raised(program.posted, grooves) if grooves else program.posted
         programs.append(SetupProgram(posted=posted, setup=setup, faces=wanted,
                                      fixtures=(*_fixtures(setup), *_bodies(program, job.machine)),
-                                     tabs=tuple(t for t in job.tabs if t.setup == setup.name)))
+                                     left=(*(t for t in job.tabs if t.setup == setup.name),
+                                           *drilled_points(posted, setup.frame, faces, tools, threaded))))
         extra += _program_findings(program, job.machine)
     tops = [job.stock.shape.box_in(p.setup.frame)[1][2] for p in programs]
     threads = thread_findings(programs, solid, job.threads, job.predicates, tools, tops)
@@ -324,7 +328,8 @@ class Drafted:
 def _cutting(findings, posted, tools, engraved):
     """Findings without what is said of taps, thread mills and raised engravers as if they cut so: verification.threads, and
     verification.engraving, look at them.   engraved: names of operations."""
-    is_other = lambda f: ((number := int(posted.tool[f.row])) in tools and tools[number].cutter.threads
+    last = lambda row: np.flatnonzero(posted.operation == posted.operation[row])[-1]        # the first still has the tool before
+    is_other = lambda f: ((number := int(posted.tool[last(f.row)])) in tools and tools[number].cutter.threads
                           or posted.operation_name(f.row) in engraved)
     return tuple(f for f in findings if f.kind not in OF_BODIES or f.row < 0 or not is_other(f))
 

@@ -178,6 +178,8 @@ def _inputs(request):
              if f is not None and Path(f).is_file()]
     digest = hashlib.sha256(f"{code_sha256()} {source.name} {request.parameters} {request.machine} {request.post} {request.stage} "
                             f"{sorted(request.accept)}".encode())
+    if request.cutters is not None and not Path(request.cutters).is_file():
+        digest.update(f"library {request.cutters}".encode())
     for path in (*beside, *files):
         digest.update(path.name.encode() + b"\0" + hashlib.sha256(path.read_bytes()).digest())
     return digest.hexdigest()

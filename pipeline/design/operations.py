@@ -51,16 +51,16 @@ class Operation(Model):
     feed_mm_per_min: float | None = Field(default=None, gt=0, description="left out: from the material's feed a tooth")
     feed_per_tooth_mm: float | None = Field(default=None, gt=0, le=10, description="left out: the material's share of the "
                                             "diameter; feed_mm_per_min goes before it")
-    preset: str | None = Field(default=None, min_length=1, description="of the tool's presets; left out: the one with the "
-                               "material's name, where it has one")
+    preset: str | None = Field(default=None, min_length=1, max_length=200, description="name of a tool's preset of speeds and "
+                               "feeds; left out: the one for the job's material, if there is one")
     cutting_speed_m_per_min: float | None = Field(default=None, gt=0, le=2000, description="left out: the material's; on the full "
                                                   "diameter, with constant_speed where the edge cuts; spindle_rpm goes before it")
     constant_speed: bool | None = Field(default=None, description="S words keep the cutting speed where the edge cuts; left out: "
                                         "the shop's")
     feed_by_engagement: bool | None = Field(default=None, description="feeds keep the thickness of chips on the stock as it "
                                             "stands; left out: the shop's")
-    coolant: Coolant | None = Field(default=None, description="left out: the material's; air and high_pressure by the M-codes "
-                                    "of the machine's file")
+    coolant: Coolant | None = Field(default=None, description="left out: the preset's, else the material's; air and high_pressure "
+                                    "by the M-codes of the machine's file")
     clearance_mm: float | None = Field(default=None, gt=0, le=500, description="rapids of the setup run at least so far above "
                                        "stock and fixtures; left out: the shop's")
     tool_axis: Point | None = Field(default=None, description="unit vector towards the spindle, part coordinates; left out: the "

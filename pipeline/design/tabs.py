@@ -25,6 +25,11 @@ class Tab(Model):
     core_foot: tuple[Point, ...]
 
     @property
+    def why(self):
+        """Why no tool is to go there."""
+        return "a tab is left here"
+
+    @property
     def place_mm(self):
         """(3,) the middle of its foot."""
         return np.mean(np.array(self.core_foot), axis=0)

@@ -1,15 +1,18 @@
-"""Lines to engrave: text as the outlines of its letters, by the CAD kernel's own font routine, and borders of faces."""
+"""Lines to engrave: text as the outlines of its letters, by the CAD kernel's own font routine, and borders of faces.
 
+Where no font is given it is the DejaVu Sans that comes with matplotlib: the same letters on every machine.
+"""
+
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 from OCP.BRepAdaptor import BRepAdaptor_Curve
 from OCP.BRepTools import BRepTools_WireExplorer
-from OCP.Font import Font_FA_Regular, Font_FontMgr, Font_StrictLevel
+from OCP.Font import Font_FA_Regular, Font_FontMgr
 from OCP.GCPnts import GCPnts_TangentialDeflection
 from OCP.NCollection import NCollection_Utf8String
 from OCP.StdPrs import StdPrs_BRepFont, StdPrs_BRepTextBuilder
-from OCP.TCollection import TCollection_AsciiString
 from OCP.TopAbs import TopAbs_REVERSED, TopAbs_WIRE
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS
@@ -17,7 +20,7 @@ from OCP.TopoDS import TopoDS
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import DesignError
 
-ANY = "DejaVu Sans"         # looked for where no font is given; the kernel takes another where the system has none of the name
+USUAL = "mpl-data/fonts/ttf/DejaVuSans.ttf"         # beside matplotlib, which the report needs anyway
 TURN_RAD = 0.5              # between chords of a curve, at most
 
 
@@ -26,26 +29,38 @@ def text_outlines(text, height_mm, tolerance_mm, font_path=None):
 
     Args:
         text: one line.   height_mm: the font's size.   tolerance_mm: between a curve and its chords.
-        font_path: a font's file; None: the kernel's choice among the fonts of the system.
+        font_path: a font's file; None: DejaVu Sans.
     Returns:
         (list of (n, 2), name of the font).
     Raises:
-        DesignError: the file is no font, or the text has no outline.
+        DesignError: the file is no font, it lacks a letter, or the text has no outline.
     """
-    manager = Font_FontMgr.GetInstance_s()
-    if font_path is not None:
-        font = manager.CheckFont(str(font_path)) if Path(font_path).is_file() else None
-    else:
-        font = manager.FindFont(TCollection_AsciiString(ANY), Font_StrictLevel.Font_StrictLevel_Any, Font_FA_Regular, False)
+    file = usual_font() if font_path is None else Path(font_path)
+    font = Font_FontMgr.GetInstance_s().CheckFont(str(file)) if file.is_file() else None
     if font is None:
-        raise DesignError(f"{font_path or 'the system'} has no font that can be read: give font_path a .ttf or .otf file")
+        raise DesignError(f"{file} is no font that can be read: give font_path a .ttf or .otf file")
     path = font.FontPath(Font_FA_Regular).ToCString()
+    if lacking := missing_letters(text, path):
+        raise DesignError(f"the text {text!r} has letters that {font.FontName().ToCString()} has not: "
+                          f"{', '.join(map(repr, lacking))}: write others, or give font_path a font that has them")
     shape = StdPrs_BRepTextBuilder().Perform(StdPrs_BRepFont(NCollection_Utf8String(path), float(height_mm)),
                                              NCollection_Utf8String(text))
     name, lines = font.FontName().ToCString(), [line[:, :2] for line in lines_of(shape, tolerance_mm)]
     if not lines:
         raise DesignError(f"the text {text!r} has no outline in {name}: write letters that the font has")
     return lines, name
+
+
+def usual_font():
+    """Path of the font where none is given."""
+    return Path(find_spec("matplotlib").origin).parent / USUAL
+
+
+def missing_letters(text, path):
+    """Letters of a text that a font's file does not have, each once."""
+    from matplotlib.ft2font import FT2Font
+    there = FT2Font(str(path)).get_charmap()
+    return [c for c in dict.fromkeys(text) if ord(c) not in there and not c.isspace()]
 
 
 def lines_of(shape, tolerance_mm):

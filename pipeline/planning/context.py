@@ -535,56 +535,54 @@ class PlanningContext:
         return clear, 0.0 if clear.any() else float(missing.max(initial=0.0))
 
     def speeds(self, tool, is_rough):
-        """(rpm, cutting feed) of a tool in this material."""
-        m = self.material
+        """(rpm, cutting feed) of a tool in this material: the operation's, else its preset's, else the material's."""
+        m, own, preset = self.material, self.operation, self.preset(tool, is_rough)
         if tool.cutter.drills:
             speed, share = m.drilling
-            speed = self.operation.cutting_speed_m_per_min or speed
-            rpm = self.operation.spindle_rpm or feeds.spindle_rpm(tool.cutter, speed, self.machine.spindle)
             share = share / tool.cutter.flutes
-            return rpm, self.operation.feed_mm_per_min or feeds.cutting_feed_mm_per_min(tool.cutter, rpm, share, self.machine)
-        preset, own = self.preset(tool), self.operation
-        speed = own.cutting_speed_m_per_min or (m.rough_speed_m_per_min if is_rough else m.finish_speed_m_per_min)
-        rpm = own.spindle_rpm
-        if preset is not None and rpm is None and own.cutting_speed_m_per_min is None:
-            rpm, speed = preset.spindle_rpm, preset.cutting_speed_m_per_min or speed
-        rpm = rpm or feeds.spindle_rpm(tool.cutter, speed, self.machine.spindle)
-        feed, tooth = own.feed_mm_per_min, own.feed_per_tooth_mm
-        if preset is not None and feed is None and tooth is None:
-            feed, tooth = preset.feed_mm_per_min, preset.feed_per_tooth_mm
-        share = m.feed_per_tooth_share if tooth is None else tooth / tool.cutter.diameter_mm
+        else:
+            speed, share = m.rough_speed_m_per_min if is_rough else m.finish_speed_m_per_min, m.feed_per_tooth_share
+        rpm, feed, tooth = own.spindle_rpm, own.feed_mm_per_min, own.feed_per_tooth_mm
+        if preset is not None:
+            if rpm is None and own.cutting_speed_m_per_min is None:
+                rpm, speed = preset.spindle_rpm, preset.cutting_speed_m_per_min or speed
+            if feed is None and tooth is None:
+                feed, tooth = preset.feed_mm_per_min, preset.feed_per_tooth_mm
+        rpm = rpm or feeds.spindle_rpm(tool.cutter, own.cutting_speed_m_per_min or speed, self.machine.spindle)
+        share = share if tooth is None else tooth / tool.cutter.diameter_mm
         return rpm, feed or feeds.cutting_feed_mm_per_min(tool.cutter, rpm, share, self.machine)
 
-    def preset(self, tool):
-        """The Preset of a tool that holds here, or None.
+    def preset(self, tool, is_rough):
+        """The shop.presets.Preset that the operation runs a tool by; None: the material's figures.
 
         Raises:
-            PlanError: the operation asks for one that the tool has not.
+            PlanError: the operation asks for one that no tool of the library has.
         """
-        wanted = self.operation.preset
-        try:
-            return preset_of(tool, wanted, self.material.name)
-        except KeyError:
-            known = ", ".join(p.name for p in tool.presets) or "none"
-            raise PlanError(f"{self.operation.title}: T{tool.number} {tool.cutter.name} has no preset {wanted!r}; it has {known}: "
-                            "choose one of these, or leave preset out") from None
+        wish = self.operation.preset
+        there = {p.name for t in (tool, *self.magazine.tools) for p in t.presets or ()}
+        if wish is not None and wish not in there:
+            raise PlanError(f"{self.operation.title}: no tool has a preset {wish!r}; "
+                            + (f"there are {', '.join(sorted(there))}" if there else "the library's tools have none: import one "
+                               "with presets (`cuspline cutters --import`), or leave preset out"))
+        return preset_of(tool, self.material.name, self.operation.kind, is_rough, wish)
 
-    def _cutting_data(self, tool):
+    def _run_by(self, tool, rpm):
+        """The Preset of a stage in which it runs at that speed, or None."""
+        stages = [is_rough for is_rough in (True, False) if self.speeds(tool, is_rough)[0] == rpm]
+        return next(filter(None, (self.preset(tool, is_rough) for is_rough in stages)), None)
+
+    def _cutting_data(self, tool, preset):
         """Where speed, feed and coolant of an operation come from, in words, for plan.json."""
-        own, preset = self.operation, None if tool.cutter.drills else self.preset(tool)
+        own, material = self.operation, f"material {self.material.name}: {self.material.source}"
         said = lambda *names: [n for n in names if getattr(own, n) is not None]
-        rest = (f"material {self.material.name}: {self.material.source}" if preset is None else
-                f"preset {preset.name} of T{tool.number}: {preset.source}")
-        stated = lambda names: f"{' and '.join(names)} of the operation" if names else rest
-        coolant = ("coolant of the operation" if own.coolant else rest if preset is not None and preset.coolant else
-                   f"material {self.material.name}")
-        return {"speed": stated(said("spindle_rpm") or said("cutting_speed_m_per_min")),
-                "feed": stated(said("feed_mm_per_min") or said("feed_per_tooth_mm")), "coolant": coolant}
-
-    def _coolant(self, tool):
-        """The operation's, else the preset's, else the material's."""
-        preset = None if tool.cutter.drills else self.preset(tool)
-        return self.operation.coolant or (preset and preset.coolant) or self.material.coolant
+        by = "" if preset is None else f"preset {preset.name} of T{tool.number}" + (f": {preset.source}" if preset.source else "")
+        of_preset = lambda *names: by if any(getattr(preset, n, None) is not None for n in names) else ""
+        stated = lambda names, rest: f"{' and '.join(names)} of the operation" if names else rest
+        return {"speed": stated(said("spindle_rpm") or said("cutting_speed_m_per_min"),
+                                of_preset("spindle_rpm", "cutting_speed_m_per_min") or material),
+                "feed": stated(said("feed_mm_per_min") or said("feed_per_tooth_mm"),
+                               of_preset("feed_mm_per_min", "feed_per_tooth_mm") or material),
+                "coolant": stated(said("coolant"), of_preset("coolant") or f"material {self.material.name}")}
 
     def finishing_work(self):
         """What the finish asks of a ball."""
@@ -608,7 +606,7 @@ class PlanningContext:
     def _cutting_speed_m_per_min(self, tool, rpm):
         """The cutting speed that a speed of the spindle was chosen for."""
         m, asked = self.material, self.operation.cutting_speed_m_per_min
-        if self.operation.spindle_rpm:
+        if self.operation.spindle_rpm or self.preset(tool, isinstance(self.operation, Clearing)):
             return math.pi * tool.cutter.diameter_mm * rpm / 1000
         both = (m.rough_speed_m_per_min, m.finish_speed_m_per_min)
         chosen = [v for v in both if feeds.spindle_rpm(tool.cutter, v, self.machine.spindle) == rpm]
@@ -638,8 +636,13 @@ class PlanningContext:
         cutting = moves.kind != Kind.RAPID
         facts = {**facts, "length_mm": round(float(feeds.move_lengths_mm(moves)[cutting].sum()), 3),
                  "time_s": round(float(feeds.times_s(moves, self.machine).sum()), 1),
-                 "moves": len(moves), "arcs": int((moves.kind >= Kind.ARC_CW).sum()), "cutting_data": self._cutting_data(tool)}
-        return PlannedOperation(name=name, tool=tool, rpm=rpm, coolant=self._coolant(tool), moves=moves, facts=facts, passes=passes)
+                 "moves": len(moves), "arcs": int((moves.kind >= Kind.ARC_CW).sum())}
+        preset = self._run_by(tool, rpm)
+        facts["cutting_data"] = self._cutting_data(tool, preset)
+        if preset is not None:
+            facts["preset"] = preset.name
+        return PlannedOperation(name=name, tool=tool, rpm=rpm, moves=moves, facts=facts, passes=passes,
+                                coolant=self.operation.coolant or (preset and preset.coolant) or self.material.coolant)
 
 
 _PLANES = {name: SectionPlane.named(name) for name in ("ZX", "YZ")}

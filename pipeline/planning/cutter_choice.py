@@ -145,7 +145,7 @@ def choose_ball(library, samples, hollow_radius_mm, mesh, stock_mm, work=None):
     return chosen, tuple(candidates), reach
 
 
-def choose_cutter(title, tools, samples, hollow_radius_mm, look, work):
+def choose_cutter(title, tools, samples, hollow_radius_mm, look, work, worth_share=WORTH_SHARE):
     """The cutter that is through an operation's faces first, of those that leave least of them, and all candidates.
 
     Args:
@@ -153,7 +153,7 @@ def choose_cutter(title, tools, samples, hollow_radius_mm, look, work):
         samples: surfaces.curvature.FaceSamples of the faces.
         hollow_radius_mm: the tightest concave place that must hold the corner; inf: tighter ones are left to other tools.
         look: function of a Tool to ((n,) bool: which samples it reaches, the stick-out that it lacks, mm; 0: all is clear).
-        work: FinishingWork.
+        work: FinishingWork.   worth_share: of the area, that a cutter must reach more than a faster one.
     Returns:
         (Tool, tuple of Candidate, (n,) bool: which samples it reaches).
     Raises:
@@ -175,7 +175,7 @@ def choose_cutter(title, tools, samples, hollow_radius_mm, look, work):
         raise CutterDoesNotFit(f"{title}: no tool that it may use fits: " + "; ".join(
             f"T{c.tool.number} {c.tool.cutter.name}: {c.reason}" for c, _ in looked)
             + ". Add a smaller or longer one to the file of --cutters, or request another")
-    enough_mm2 = min(c.area_left_mm2 for c, _ in fitting) + WORTH_SHARE * samples.area_mm2.sum()
+    enough_mm2 = min(c.area_left_mm2 for c, _ in fitting) + worth_share * samples.area_mm2.sum()
     best, reached = min((f for f in fitting if f[0].area_left_mm2 <= enough_mm2), key=lambda f: f[0].estimated_time_s)
     return best.tool, tuple(_compared(c, best, enough_mm2, len(looked)) for c, _ in looked), reached
 

@@ -11,11 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cuspline.design.drill_points import drill_point, drill_points, is_deep
 from cuspline.planning.context import THIN_MM
 from cuspline.planning.freeform_finishing import LEVEL
 from cuspline.planning.tool_depth import missing_stick_out_mm
 from cuspline.program.drilling import PECKS, DrillCycle, drilled, shortest_way
-from cuspline.surfaces.holes import PARALLEL, holes_of
+from cuspline.surfaces.holes import PARALLEL, ends_on_level, holes_of
 from cuspline.toolpaths.drop.dropcutter import drop_tips_mm
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import CamError, CutterDoesNotFit, PlanError
@@ -25,6 +26,9 @@ TURNS = 3                   # of a dwell
 SHARE = 0.9                 # of the drill's radius: what stands over a hole is looked for within it
 RINGS = np.array([0.0, 0.35, 0.7, 0.95])
 SPOKES = 12
+SPOT_SHARE = 0.8            # of a hole's radius, that its spot is wide
+SPOT_NAME = 34              # letters of an operation's name before "spots"
+DISCS = 96                  # that a drill's point is held against the part as
 SAME_MM = 1e-6
 OVER_MM = 0.05              # what may seem to stand over a wall's end: the planning mesh
 REACHED_MM = 1e-4
@@ -81,10 +85,11 @@ class Drilled:
         return self.tip_mm + self.tool.cutter.point_height_mm
 
 
-def drillable_faces(work, operation, wanted):
+def drillable_faces(work, operation, wanted, leaves_point=False):
     """Which of some faces drills of the library make whole, upright holes along the setup's Z.
 
     Through holes, and blind ones that end in the drill's own point; a hole with a dimension by drills within its limits alone.
+    Leaves_point: level bottoms too, with what the point leaves there, of holes that are deep or narrower than any ball.
 
     Args:
         work: PlanningContext.   operation: the strategies.drill.Drill that would make them.   wanted: indices of faces.
@@ -97,17 +102,18 @@ def drillable_faces(work, operation, wanted):
     for hole, wall in found:
         bore = Bore(hole=hole, wall=wall, place_mm=work.in_part(hole.mouth_mm))
         try:
-            tool = _whole_by(work, bore)
+            stays = _stays(work, bore, leaves_point)
+            tool = _whole_by(work, bore, stays)
         except CamError as error:
             refused.append((wall.faces, str(error)))
             continue
         walls += wall.faces
-        others += made_with(work, bore, tool)
+        others += level_faces(work, bore) if stays is not None else made_with(work, bore, tool)
     return walls, [i for i in others if i in set(wanted)], refused
 
 
-def _whole_by(work, bore):
-    """The drill that makes a wall whole.
+def _whole_by(work, bore, stays):
+    """The drill that makes a wall whole.   stays: DrillPoint that may be left at its end, or None.
 
     Raises:
         CamError: why none does.
@@ -115,7 +121,7 @@ def _whole_by(work, bore):
     made, where = _drilled(work, bore), f"{work.operation.title}: T{{}} {{}} {{}} the hole at {in_words(bore.place_mm)}"
     cutter = made.tool.cutter
     say = lambda what: CutterDoesNotFit(where.format(made.tool.number, cutter.name, what))
-    if made.full_z_mm > bore.low_z_mm + SAME_MM:
+    if made.full_z_mm > bore.low_z_mm + (0.0 if stays is None else stays.height_mm) + SAME_MM:
         raise say("cannot bring its full diameter down to the end of the wall of")
     top = float(stock_over(work, bore, cutter.radius_mm).max())
     if max(top, bore.high_z_mm) - made.tip_mm > cutter.flute_length_mm:
@@ -132,6 +138,16 @@ def made_with(work, bore, tool):
     if tool.cutter.has_flat_bottom:
         return level_faces(work, bore)
     return bore.hole.walls[0].faces if angle is not None and abs(angle - tool.cutter.point_angle_deg) < SAME_DEG else ()
+
+
+def _stays(work, bore, leaves_point):
+    """The DrillPoint that may stay at the level end of a wall: its thread ends above it, or nothing else comes there; None."""
+    mine = [w for w in work.threaded if w.wall.faces == bore.wall.faces]
+    if mine or not leaves_point or not ends_on_level(bore.hole, bore.wall):
+        return next(iter(drill_points(mine)), None)
+    balls = [t.cutter.radius_mm for t in work.library.of_type("ball")]
+    is_left = is_deep(bore.hole, bore.wall) or bore.radius_mm < min(balls, default=math.inf)
+    return drill_point(bore.hole, bore.wall) if is_left else None
 
 
 def level_faces(work, bore):
@@ -174,7 +190,30 @@ def drilled_holes(work):
     reached = np.zeros(len(work.samples.area_mm2), bool)
     for one in (d for mine in by_tool.values() for d in mine):
         reached |= is_drilled(work.samples, one.bore, one.full_z_mm)
-    return [operation_of(work, mine, number=len(by_tool)) for mine in by_tool.values()], reached
+    spots = [_spots(work, [d.bore for mine in by_tool.values() for d in mine])] if work.operation.spot else []
+    return [*spots, *(operation_of(work, mine, number=len(by_tool)) for mine in by_tool.values())], reached
+
+
+def _spots(work, bores):
+    """The PlannedOperation that gives every hole a small cone before its drill, within the hole, so that nothing of it stays.
+
+    Raises:
+        PlanError, CutterDoesNotFit: no spot drill, or its holder would touch the part.
+    """
+    before = type(work.operation)(name=f"{work.operation.title[:SPOT_NAME]} spots", tool="spot drill", cycle="drill",
+                                  retract_mm=work.operation.retract_mm, coolant=work.operation.coolant)
+    mine = work.on(before, work.wanted, work.planned)
+    tool, made = mine.tools("spot_drill")[0], []
+    for bore in bores:
+        wide = min(SPOT_SHARE * bore.radius_mm, tool.cutter.radius_mm)
+        top = max(float(stock_over(mine, bore, SPOT_SHARE * bore.radius_mm).max()), bore.high_z_mm)
+        tip = top - wide * tool.cutter.point_height_mm / tool.cutter.radius_mm
+        missing = missing_stick_out_mm(tool, np.array([[*bore.xy_mm, tip]]), mine.mesh, 0.0)
+        if missing > SAME_MM:
+            raise CutterDoesNotFit(f"{before.title}: T{tool.number} {tool.cutter.name} is {missing:.3f} mm too short for the hole "
+                                   f"at {in_words(bore.place_mm)}: take a longer spot drill, or leave spot out")
+        made.append(Drilled(bore=bore, tool=tool, tip_mm=tip))
+    return operation_of(mine, made, number=1)
 
 
 def _drilled(work, bore):
@@ -267,8 +306,16 @@ def tip_mm(work, bore, tool):
     slope = cutter.point_height_mm / cutter.radius_mm
     below = float(drop_tips_mm(work.mesh, xy, THIN_MM, THIN_MM)[0]) if bore.hole.is_through else -math.inf
     ends = bore.floor_mm >= bore.low_z_mm - SAME_MM and bore.hole.is_through
+    if ends:
+        below = max(below, _over_the_part_mm(work, xy, cutter.radius_mm, slope))
     wanted = bore.low_z_mm - cutter.point_height_mm - (work.operation.break_through_mm if ends else 0.0)
     return max(wanted, below, bore.hole.lowest_tip_mm(bore.wall, cutter.radius_mm, slope) + bore.height_mm)
+
+
+def _over_the_part_mm(work, xy, radius_mm, slope):
+    """Lowest tip of a drill whose point, as discs, comes into nothing of the part; -inf where it may fall through."""
+    radii = np.linspace(0.0, SHARE * radius_mm, DISCS + 1)
+    return max(float(drop_tips_mm(work.mesh, xy, outer, 0.0)[0]) - inner * slope for inner, outer in zip(radii, radii[1:]))
 
 
 def refuse_short(work, bore, tool, tip_mm):

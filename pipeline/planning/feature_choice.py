@@ -19,6 +19,7 @@ from cuspline.planning.pocketing import NARROWER_MM
 from cuspline.planning.reaming import reamable_faces
 from cuspline.planning.slotting import middles_of
 from cuspline.planning.strategies.bore import Bore
+from cuspline.planning.strategies.contour import Contour
 from cuspline.planning.strategies.drill import Drill
 from cuspline.planning.strategies.pocket import Pocket
 from cuspline.planning.strategies.ream import Ream
@@ -92,6 +93,10 @@ def holes_made(work):
     if bored:
         more, _ = Bore().plan(work.on(Bore(), bored, [*work.planned, *made.operations]))
         made = made.with_made(more, bored)
+    walls, others, _ = drillable_faces(work, Drill(), made.left(work), leaves_point=True)
+    if walls:
+        more, _ = Drill().plan(work.on(Drill(), walls, [*work.planned, *made.operations]))
+        made = made.with_made(more, (*walls, *others))
     return made.with_refused(refused)
 
 
@@ -151,6 +156,40 @@ def outline_faces(work, left):
     around = neighbours_of(work.faces) if 0 < len(upright) < len(left) else ()
     is_upright = lambda i: i in upright or bool(np.abs(work.faces[i].middle.normal[0, 2]) < UPRIGHT)
     return [i for i in sorted(upright) if around and all(n.sine < -SMOOTH_SINE or is_upright(n.index) for n in around[i])]
+
+
+def contoured(work, made, walls):
+    """(the same Featured with contours along walls that stand on nothing; whether any is made).
+
+    One cutter for all of them where there is one, else each outline and each window by itself.
+    """
+    together, is_made = tried(work, made, Contour(), walls)
+    if is_made:
+        return together, True
+    alone = made.with_refused(together.refused[len(made.refused):])
+    for faces in _joined(work, walls):
+        radius = _widest_radius_mm(work, faces)
+        fitting = [t.number for t in work.library.of_type("flat") if t.cutter.radius_mm == radius]
+        for operation in (Contour(), *(Contour(tool=n) for n in fitting[:1])):
+            alone, is_alone = tried(work, alone, operation, faces)
+            if is_alone:
+                is_made = True
+                break
+    return alone, is_made
+
+
+def _joined(work, walls):
+    """[faces of walls that follow one another], those with the first face first."""
+    around, left, found = neighbours_of(work.faces), sorted(walls), []
+    while left:
+        mine, more = set(), [left[0]]
+        while more:
+            i = more.pop()
+            mine.add(i)
+            more += [n.index for n in around[i] if n.index in left and n.index not in mine]
+        found.append(sorted(mine))
+        left = [i for i in left if i not in mine]
+    return found
 
 
 def _walls(work, faces):

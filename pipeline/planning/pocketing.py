@@ -27,6 +27,7 @@ BESIDE_MM = 2.0             # beside an open side a tip may stand so far from th
 SURE_MM = 1e-3              # tips that clear the floor by less clear it
 SKIN_MM = 0.04              # on floors, of what their finish takes off: no plunge is so shallow
 NARROWER_MM = 1e-3          # than the tightest corner of the walls a cutter must be
+CORNERS_SHARE = 0.02        # of the area: what samples in corners that a cutter fits may miss, by the facets they are held against
 NAME = 40                   # letters of an operation's name
 CORNERS = " corners"        # of floors, that the clearing's cutter did not come to
 SLIVER_MM = 0.05            # along walls, that a larger cutter leaves beyond the allowance: their contour takes it with it
@@ -230,5 +231,5 @@ def finishing_tool(work, walls):
         raise CutterDoesNotFit(f"{work.operation.title}: its walls are rounded by {tightest:.3f} mm, and no flat cutter "
                                f"{'of those that it may use ' if asked is not None else ''}is smaller: add one to the file of "
                                "--cutters, or request another finish_tool")
-    return choose_cutter(work.operation.title, tools, mine.samples, math.inf, mine.reached_with,
-                                         mine.finishing_work())[0]
+    return choose_cutter(work.operation.title, tools, mine.samples, math.inf, mine.reached_with, mine.finishing_work(),
+                         worth_share=CORNERS_SHARE)[0]

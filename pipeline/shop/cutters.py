@@ -374,7 +374,8 @@ class Tool(Model):
     stick_out_mm: float = Field(gt=0, description="tip to holder nose")
     head: RightAngleHead | None = Field(default=None, description="that the holder sits in, in place of the spindle")
     chatter: Chatter | None = Field(default=None, description="as measured; left out: depths are not checked against chatter")
-    presets: tuple[Preset, ...] = Field(default=(), description="its own cutting data; left out: the material's")
+    presets: tuple[Preset, ...] | None = Field(default=None, description="speeds and feeds that the shop found for it; left out: "
+                                               "the material's")
 
     @model_validator(mode="after")
     def _stick_out_is_possible(self):
@@ -399,7 +400,7 @@ class Tool(Model):
     @model_serializer(mode="wrap")
     def _without_a_head_it_has_not(self, dump):
         row = dump(self)
-        return {k: v for k, v in row.items() if v or k not in ("head", "chatter", "presets")}
+        return {k: v for k, v in row.items() if v is not None or k not in ("head", "chatter", "presets")}
 
     @property
     def simulated(self):

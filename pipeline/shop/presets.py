@@ -1,35 +1,66 @@
-"""A tool's own cutting data, by the name of a work material or any other: out of a library, or of the user's own file."""
+"""Presets of a tool: speeds and feeds that a shop has found for it, by name and work material."""
 
 from pydantic import Field, model_validator
 
 from cuspline.values.coolants import Coolant
-from cuspline.values.models import Model
+from cuspline.values.models import Sparse
+
+STAGES = ("rough", "finish")        # what `use` may say beside an operation's kind
 
 
-class Preset(Model):
-    """How fast one tool is run; goes before the material's figures where it has its name, or an operation asks for it."""
+class Preset(Sparse):
+    """Speed, feed and coolant of one tool in one work material."""
 
-    name: str = Field(min_length=1, description="of a work material, as `cuspline materials` has it, or any other")
-    spindle_rpm: float | None = Field(default=None, gt=0, description="in its place:")
-    cutting_speed_m_per_min: float | None = Field(default=None, gt=0, le=2000, description="on the full diameter")
-    feed_mm_per_min: float | None = Field(default=None, gt=0, description="in its place:")
-    feed_per_tooth_mm: float | None = Field(default=None, gt=0, le=10)
-    coolant: Coolant | None = None
-    source: str = Field(min_length=1, description="where the figures come from; printed in plan.json")
+    LEFT_OUT = ("material", "use", "spindle_rpm", "cutting_speed_m_per_min", "feed_mm_per_min", "feed_per_tooth_mm", "plunge_share",
+                "ramp_deg", "stepdown_mm", "stepover_mm", "coolant", "notes", "source")
+    name: str = Field(min_length=1, max_length=200, description="what an operation's `preset` names")
+    material: str | None = Field(default=None, min_length=1, max_length=200, description="work material; where it is the name of "
+                                 "the job's, the preset is used by itself; left out: the preset's own name")
+    use: str | None = Field(default=None, min_length=1, max_length=60, description='what it is for: "rough", "finish" or the kind '
+                            "of an operation (drill, pocket); left out: all")
+    spindle_rpm: float | None = Field(default=None, gt=0, le=1e6, description="goes before the cutting speed")
+    cutting_speed_m_per_min: float | None = Field(default=None, gt=0, le=1e5, description="on the full diameter")
+    feed_mm_per_min: float | None = Field(default=None, gt=0, le=1e6, description="goes before the feed a tooth")
+    feed_per_tooth_mm: float | None = Field(default=None, gt=0, le=100, description="of drills: a turn's, shared by flutes")
+    plunge_share: float | None = Field(default=None, gt=0, le=10, description="of the feed, straight down; kept for export")
+    ramp_deg: float | None = Field(default=None, gt=0, le=90, description="of the way down into stock; kept for export")
+    stepdown_mm: float | None = Field(default=None, gt=0, le=1e3, description="kept for export")
+    stepover_mm: float | None = Field(default=None, gt=0, le=1e3, description="kept for export")
+    coolant: Coolant | None = Field(default=None, description="off, air, mist, flood or high_pressure")
+    notes: str | None = Field(default=None, min_length=1, max_length=2000)
+    source: str | None = Field(default=None, min_length=1, max_length=2000, description="of the figures; plan.json says it")
 
     @model_validator(mode="after")
-    def _says_speed_and_feed_once(self):
-        for one, other in (("spindle_rpm", "cutting_speed_m_per_min"), ("feed_mm_per_min", "feed_per_tooth_mm")):
-            if (getattr(self, one) is None) == (getattr(self, other) is None):
-                raise ValueError(f"state one of {one} and {other}")
+    def _says_something(self):
+        if all(getattr(self, n) is None for n in self.LEFT_OUT if n not in ("material", "use", "notes", "source")):
+            raise ValueError(f"preset {self.name!r} has neither speed, feed, depth nor coolant")
         return self
 
+    def suits(self, kind, is_rough):
+        """Whether it is for an operation of that kind, in that stage."""
+        return self.use is None or self.use in (STAGES[0 if is_rough else 1], kind)
 
-def preset_of(tool, wanted, material):
-    """The Preset of a tool (cutters.Tool) by its name, or of a material (name); None: it has none for the material.
 
-    Raises:
-        KeyError: it has none of the wanted name.
+def preset_of(tool, material, kind, is_rough, wish=None):
+    """The preset that a tool is run by, or None.
+
+    Args:
+        tool: shop.cutters.Tool.   material: name of the work material.   kind: of the operation.
+        is_rough: whether stock is cleared.   wish: name that the operation asks for; else the material's own are used.
+    Returns:
+        Preset that says most exactly what it is for, the first of several.
+
+    >>> from types import SimpleNamespace
+    >>> own = Preset(name="soft", material="Aluminium 6061", feed_per_tooth_mm=0.1), Preset(name="slow", spindle_rpm=900)
+    >>> tool = SimpleNamespace(presets=own)
+    >>> [(p := preset_of(tool, "aluminium_6061", "pocket", True, w)) and p.name for w in (None, "slow", "fast")]
+    ['soft', 'slow', None]
     """
-    own = {p.name: p for p in tool.presets}
-    return own.get(material) if wanted is None else own[wanted]
+    mine = [p for p in tool.presets or () if p.suits(kind, is_rough) and (
+        p.name == wish if wish is not None else plain(p.material or p.name) == plain(material))]
+    return min(mine, key=lambda p: p.use is None, default=None)
+
+
+def plain(name):
+    """A material's name without its spelling: small letters and digits."""
+    return "".join(c for c in name.lower() if c.isalnum())

@@ -18,6 +18,8 @@ from cuspline.values.arrays import frozen
 SAME_MM = 1e-4            # axes, ends and radii that are the same
 PARALLEL = 1e-7           # of unit vectors
 ROUND_RAD = 1e-3          # what may be missing of a wall's full turn
+BESIDE = 1e-3             # of a wall's radius: how near to it a floor is looked for
+AROUND = 8                # places
 POINT_MM = 1e-3           # a cone narrower than this ends in its point
 
 
@@ -123,7 +125,8 @@ def holes_of(faces):
     Args:
         faces: all brep.Face values of it.
     Returns:
-        tuple of Hole.  Grooves, fillets and bosses are none: walls of a hole go all round, with the material outside.
+        tuple of Hole.  Grooves, round pockets with an island, fillets and bosses are none: walls of a hole go all round, with
+        the material outside.
     """
     walls = [_Bare.of(k, face) for k, face in enumerate(faces) if face.kind in ("cylinder", "cone")]
     groups = []
@@ -210,7 +213,9 @@ def _runs(walls):
 
 
 def _holes(run, first, faces):
-    """The Hole of a run of walls, () where both ends are closed."""
+    """The Hole of a run of walls, () where both ends are closed, or one by a floor that something else stands on."""
+    if any(_is_groove(run[k], end, first, faces, sign) for k, end, sign in ((0, 0, 1.0), (-1, 2, -1.0))):
+        return ()
     low, high = (_is_closed(run[k], end, first, faces, sign) for k, end, sign in ((0, 0, 1.0), (-1, 2, -1.0)))
     if low is not None and high is not None:
         return ()
@@ -238,6 +243,32 @@ def _is_closed(wall, end, first, faces, sign):
     place = first.point_mm + height * first.axis
     flat = tuple(k for k, f in enumerate(faces) if f.kind == "plane" and _is_across(f, place, sign * first.axis))
     return flat or None
+
+
+def _is_groove(wall, end, first, faces, sign):
+    """Whether a floor lies all along the wall's end, but not in its middle."""
+    height, radius = wall[end], wall[end + 1]
+    if radius < POINT_MM:
+        return False
+    middle, out = first.point_mm + height * first.axis, sign * first.axis
+    flat = [f for f in faces if f.kind == "plane" and (f.middle.normal[0] * out).sum() > 1.0 - PARALLEL
+            and abs(((middle - f.middle.point_mm[0]) * out).sum()) <= SAME_MM]
+    if not flat or any(_is_across(f, middle, out) for f in flat):
+        return False
+    return all(_on_level(flat, middle, out, radius))
+
+
+def ends_on_level(hole, wall):
+    """Whether a wall is the lowest of a blind hole with a level bottom."""
+    return bool(hole.floor) and wall == hole.walls[0]
+
+
+def _on_level(flat, middle, out, radius_mm):
+    """[bool] for places just within a wall: whether one of some planes, that looks along `out`, lies there."""
+    u = np.cross(out, np.eye(3)[np.abs(out).argmin()])
+    u, v = u / fixed.length(u), np.cross(out, u / fixed.length(u))
+    return [any(_is_across(f, middle + (1.0 - BESIDE) * radius_mm * (fixed.cos(t) * u + fixed.sin(t) * v), out) for f in flat)
+            for t in 2 * math.pi * (np.arange(AROUND) + 0.5) / AROUND]
 
 
 def _is_across(face, place, out):

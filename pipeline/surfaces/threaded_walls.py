@@ -6,7 +6,7 @@ The solid has the plain wall, no helix: what a thread is, its size says.
 from dataclasses import dataclass
 
 from cuspline.kernel import brep
-from cuspline.surfaces.holes import Hole, Wall, holes_of
+from cuspline.surfaces.holes import Hole, Wall, ends_on_level, holes_of
 from cuspline.values.errors import DesignError
 
 SAME_MM = 1e-4
@@ -20,6 +20,7 @@ class ThreadedWall:
     thread: object          # shop.threads.Thread
     hole: Hole
     wall: Wall
+    ends_flat: bool         # on a level floor
 
     @property
     def is_open(self):
@@ -30,6 +31,11 @@ class ThreadedWall:
     def depth_mm(self):
         """Of the full thread, from the wall's upper end."""
         return self.thread.depth_in(self.wall.high_mm - self.wall.low_mm, self.is_open)
+
+    @property
+    def below_mm(self):
+        """Height of the wall below its full thread."""
+        return self.wall.high_mm - self.wall.low_mm - self.depth_mm
 
     @property
     def mouth_mm(self):
@@ -44,7 +50,7 @@ class ThreadedWall:
     def turned_up(self):
         """The wall of a through hole seen from its other end."""
         hole = self.hole.turned_up()
-        return ThreadedWall(name=self.name, thread=self.thread, hole=hole,
+        return ThreadedWall(name=self.name, thread=self.thread, hole=hole, ends_flat=False,
                             wall=next(w for w in hole.walls if w.faces == self.wall.faces))
 
 
@@ -80,7 +86,7 @@ def threaded_walls(faces, named):
             raise DesignError(f"thread {thread.in_words} of {name}: the {faces[stray[0]].kind} at ({place}) is no wall of a hole: "
                               "name the cylinders that go all round")
         for hole, wall in dict.fromkeys(by_face[i] for i in indices):
-            one = ThreadedWall(name=name, thread=thread, hole=hole, wall=wall)
+            one = ThreadedWall(name=name, thread=thread, hole=hole, wall=wall, ends_flat=ends_on_level(hole, wall))
             _refuse_other_width(one)
             if not 0 < one.depth_mm <= wall.high_mm - wall.low_mm + SAME_MM:
                 raise DesignError(f"thread {one.in_words}: its wall is {wall.high_mm - wall.low_mm:.3f} mm high, which has no room "

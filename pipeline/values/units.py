@@ -7,7 +7,7 @@ millimetres, and do not go with "unit": "inch".
 MM = {"mm": 1.0, "inch": 25.4}
 LENGTHS = ("diameter", "corner_radius", "flute_length", "neck_diameter", "reach", "shank_diameter", "overall_length",
            "corner_center_radius", "corner_center_height", "tip_radius", "stick_out", "height", "lower_diameter",
-           "upper_diameter")
+           "upper_diameter", "feed_per_tooth", "stepdown", "stepover")
 
 
 def in_mm(library):

@@ -6,25 +6,29 @@ from cuspline.stock.workpiece import Workpiece
 from cuspline.values.findings import Finding
 from cuspline.verification.reporter import rounded
 
-LEFT = "a tab is left here"
 PLACES = 9                  # along, across and up each tab
 LACKS_MM = 0.02             # of a tab's height, that is none
 
 
-def with_tabs(vertices_mm, triangles, tabs):
-    """(corners (n, 3), triangles (m, 3)) of the design and of what is to be left beside it: no tool is to go there."""
-    for tab in tabs:
+def with_left(vertices_mm, triangles, left):
+    """(corners (n, 3), triangles (m, 3)) of the design and of what is to be left beside it: no tool is to go there.
+
+    Args:
+        left: values with `triangles`, part coordinates: design.tabs.Tab, design.drill_points.DrillPoint.
+    """
+    for tab in left:
         more, corners = tab.triangles()
         triangles = np.vstack([triangles, corners + len(vertices_mm)])
         vertices_mm = np.vstack([vertices_mm, more])
     return vertices_mm, triangles
 
 
-def said_of_tabs(rows, tabs, radius_mm):
-    """Rows of places that are not reached, those at tabs with their own reason."""
-    boxes = [(corners.min(axis=0) - radius_mm, corners.max(axis=0) + radius_mm) for corners, _ in (t.triangles() for t in tabs)]
-    at_tab = lambda row: any((row["place_mm"] >= low).all() and (row["place_mm"] <= high).all() for low, high in boxes)
-    return [{**row, "reason": LEFT} if at_tab(row) else row for row in rows]
+def said_of_left(rows, left, radius_mm):
+    """Rows of places that are not reached, those at what is to be left with their own reason."""
+    boxes = [(one.why, corners.min(axis=0) - radius_mm, corners.max(axis=0) + radius_mm)
+             for one, (corners, _) in ((one, one.triangles()) for one in left)]
+    why = lambda row: [w for w, low, high in boxes if (row["place_mm"] >= low).all() and (row["place_mm"] <= high).all()]
+    return [{**row, "reason": (why(row) or [row["reason"]])[0]} for row in rows]
 
 
 def standing_tabs(tabs, piece, setups):

@@ -47,7 +47,7 @@ from cuspline.verification.residuals import (
 from cuspline.verification.samples import face_area_mm2, sample_faces
 from cuspline.verification.setup_mismatch import joints
 from cuspline.verification.solid_check import Limits, SolidComparison, compare
-from cuspline.verification.tabs import said_of_tabs, with_tabs
+from cuspline.verification.tabs import said_of_left, with_left
 from cuspline.verification.text_checks import increments_mm, path_tolerance_mm
 from cuspline.verification.true_depths import SEARCHED, largest_true_mm, roughly_true_mm
 
@@ -164,7 +164,7 @@ class SetupProgram:
     setup: object                     # design.Setup: name and frame
     faces: tuple                      # TopoDS_Face values of the solid (or values with such a `.shape`) that it cuts
     fixtures: tuple = ()              # of scene.Fixture, WCS
-    tabs: tuple = ()                  # of design.tabs.Tab, that it leaves
+    left: tuple = ()                  # of design.tabs.Tab and design.drill_points.DrillPoint, that stay beside the part
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -279,15 +279,15 @@ class _LookedAt:
         return deviation_mm * max(1.0, expected / MESH_TRIANGLES)
 
     def drops(self, program, within_mm):
-        """DropMesh of these triangles, and of the tabs beside the part, in a program's WCS."""
-        frame, tabs = program.setup.frame, program.tabs
+        """DropMesh of these triangles, and of what is to be left beside the part, in a program's WCS."""
+        frame, left = program.setup.frame, program.left
 
         def made():
             mesh = self.triangles(within_mm)
-            corners, triangles = with_tabs(mesh.vertices_mm, mesh.triangles, tabs)
+            corners, triangles = with_left(mesh.vertices_mm, mesh.triangles, left)
             return drop_mesh(frame.into(corners), triangles)
 
-        return self._made.once(("drops", within_mm, frame.rotation.tobytes(), frame.origin_mm.tobytes(), repr(tabs)), made)
+        return self._made.once(("drops", within_mm, frame.rotation.tobytes(), frame.origin_mm.tobytes(), repr(left)), made)
 
     def samples(self, chosen, spacing_mm):
         """Samples of some faces, by their numbers."""
@@ -493,7 +493,7 @@ def _judged(part, c, found, own, judging, joined, proof):
     radius_of = lambda row: tools[int(c.program.posted.tool[row])].cutter.radius_mm
     left = unreachable_places(found, c.program.setup.frame.rotation[:, 2], radius_of)
     numbers = _numbers(found, view, finish, bounds, history, true_mm)       # after the findings: these search as deep as is allowed
-    numbers["unreachable"] = _tidy(said_of_tabs(left, c.program.tabs, part.ball_radius_mm))
+    numbers["unreachable"] = _tidy(said_of_left(left, c.program.left, part.ball_radius_mm))
     return SetupVerdict(setup=c.name, finish=finish, required=tuple(c.required), residuals=found, solids=view, replay=history,
                         certificate=proven, cusps=cusps, excess_proof=proof, error_bounds_mm=bounds, findings=findings,
                         stock=part.made, mesh=part.mesh, places=process.places,

@@ -14,7 +14,7 @@ LONGEST_LINE = 255
 PROGRAM = re.compile(r"o(\d{1,5})")
 CALL = re.compile(r"(m97|m98)p(\d+)(l\d+)?")
 NUMBER = re.compile(r"n(\d+)")
-NEEDS_POINT = frozenset("xyzabcijkrfe")
+NEEDS_POINT = frozenset("xyzabcijkrfeq")
 LETTERS = NEEDS_POINT | frozenset("gmtshpd")
 POINTLESS_DWELL = re.compile(r"g0?4(?!\d)(?=.*p\d+(?![\d.]))")
 FLOW = re.compile(r"(if|while|goto|do|end|g65|g66|g67|m96)")

@@ -16,8 +16,8 @@ from cuspline.posts.readers.fanuc_tools import read_tool_table
 from cuspline.posts.readers.haas_blocks import blocks_of
 from cuspline.posts.readers.rs274_arcs import CLOSE_BOUNDS
 from cuspline.posts.readers.rs274_blocks import refusal
-from cuspline.posts.readers.rs274_codes import ARC_LETTERS, COMPENSATION_CODES, TAP_CODES, finder, named_codes
-from cuspline.posts.readers.rs274_cycles import TAPS
+from cuspline.posts.readers.rs274_codes import ARC_LETTERS, COMPENSATION_CODES, CYCLE_CODES, TAP_CODES, finder, named_codes
+from cuspline.posts.readers.rs274_cycles import EVERY
 from cuspline.posts.readers.rs274_expressions import Complaint
 from cuspline.posts.readers.rs274_modes import UNSAID, Rules
 from cuspline.posts.readers.rs274_reader import Controller
@@ -28,6 +28,7 @@ __all__ = ["read_program", "read_tool_table"]
 BY_NAME = {
     **named_codes("motion", "G0", "G1", says="canned cycle"),
     **named_codes("motion", "G2", "G3", takes=ARC_LETTERS.replace("p", ""), says="canned cycle"),
+    **CYCLE_CODES,
     **TAP_CODES,
     **COMPENSATION_CODES,
     **named_codes("return level", "G98", "G99"),
@@ -121,7 +122,7 @@ def _move(controller, name, values):
 RULES = Rules(code_of=finder(BY_NAME, ADVICE), modes=frozenset(UNSAID) - {"arc distance", "axis offset"},
               takes_own_length=False, moves_z_alone=False, path_tolerance_mm=nan, bounds=(CLOSE_BOUNDS, CLOSE_BOUNDS),
               words={"path control": ("G187 E", "how far the control may leave the path")},
-              cycles=frozenset(TAPS), compensation=Compensation(joins_by_arcs=False, needs_register=True),
+              cycles=EVERY, compensation=Compensation(joins_by_arcs=False, needs_register=True),
               actions={"path control": _smooth, "corner mode": _corner_mode, "reference": _go_home,
                        "tool length": _set_length, "tilted plane": _go_with_table, "move": _move, "stopping": _stop})
 

@@ -62,7 +62,12 @@ class _Haas(Dialect):
     point, end, coolants, knows_radii = ".", "M30", COOLANT_WORD, True
     knows_rotaries, tip_controls, has_planes = True, ("G234",), True
     plane_note = "DYNAMIC WORK OFFSET: ANY ZERO AND TOOL LENGTH WITHIN THE TRAVELS"
-    cycle_words = {"tap": "G84", "tap left": "G74"}
+    cycle_words = {"drill": "G81", "dwell": "G82", "peck": "G83", "chip_break": "G73", "ream": "G85", "tap": "G84",
+                   "tap left": "G74"}
+
+    def dwell(self, seconds):
+        """Seconds, which the point says; without one they are milliseconds."""
+        return f"P{seconds:.3f}"
 
     def head(self, writer, program, file_number):
         """% and O-number, comments, then a known state."""

@@ -5,6 +5,7 @@ import shutil
 from pathlib import Path
 
 import engraved_plate
+import numpy as np
 import pytest
 from built_parts import built_once
 from pydantic import ValidationError
@@ -13,6 +14,7 @@ from cuspline.app import catalogue
 from cuspline.app.judge import judge
 from cuspline.design import Parameters
 from cuspline.design.job import read_job, read_tools
+from cuspline.kernel.lettering import text_outlines, usual_font
 from cuspline.planning.plan import plan_setup
 from cuspline.planning.strategies.engrave import Engrave
 from cuspline.values.errors import CamError
@@ -91,7 +93,8 @@ def test_letters_that_are_left_out_and_a_cutter_of_another_angle_are_found(plate
 @pytest.mark.parametrize("fields, why", [
     ({"lines": (((30.0, 3.0), (33.0, 3.0)),)}, "beside its faces"), ({"text": "A", "at": (0.0, 0.0)}, "beside its faces"),
     ({"text": "A", "at": (14.0, 5.0), "tool": "ball 4", "depth_mm": 3.0}, "no cutter engraves 3 mm deep"),
-    ({"text": "A", "at": (14.0, 5.0), "font_path": "none.ttf"}, "no font that can be read")])
+    ({"text": "A漢", "at": (14.0, 5.0)}, "letters that DejaVu Sans has not: '漢'"),
+    ({"text": "A", "at": (14.0, 5.0), "font_path": "none.ttf"}, "none.ttf is no font that can be read")])
 def test_what_cannot_be_engraved_is_refused(fields, why):
     design = engraved_plate.design(Parameters())
     operation = Engrave(**{"faces": ("level",), "depth_mm": 0.2, **fields})
@@ -114,3 +117,12 @@ def test_two_engravings_of_one_name_are_refused():
     with pytest.raises(CamError, match="give both a name of their own"):
         plan_setup(design, design.setups[0].model_copy(update={"operations": both}), catalogue.find_machine("mill_3axis"),
                    catalogue.find_library(None))
+
+
+def test_letters_are_the_same_wherever_no_font_is_given():
+    """By the font that comes with a dependency, whatever the system has: the A of DejaVu Sans, in units of its file."""
+    assert usual_font().is_file() and usual_font().name == "DejaVuSans.ttf"
+    lines, name = text_outlines("A7", 5.0, 0.01)
+    assert name == "DejaVu Sans" and [len(line) for line in lines] == [9, 4, 8]
+    units = lines[0] / (5.0 / 2048)
+    assert np.abs(units - units.round()).max() < 0.01 and lines[0][0] == pytest.approx((1.43066406, 3.64501953))

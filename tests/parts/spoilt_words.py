@@ -30,7 +30,7 @@ BAD = {
         ("X20. ", "X2O. ", "without a decimal point|is no word|unknown word"),
         ("X20. ", "/X20. ", "block delete"),
         ("X20. ", "X#5 ", "variables"),
-        ("X20. ", "G81 X20. ", "unknown word G81"),
+        ("X20. ", "G86 X20. ", "unknown word G86"),
         ("X20. ", "G41 D3 X20. ", "the radius in D3 is not known"),
         ("X20. ", "X20. (in (out) ", "comment"),
         ("G18\n", "M97 P55\n", "no such sub-program"),

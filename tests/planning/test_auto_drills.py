@@ -5,10 +5,11 @@ import numpy as np
 import pytest
 
 from cuspline.app import catalogue
-from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
+from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox, Thread
 from cuspline.planning.plan import plan_setup
 from cuspline.planning.strategies.auto import Auto
 from cuspline.planning.strategies.bore import Bore
+from cuspline.planning.strategies.drill import Drill
 from cuspline.program.program import Kind
 from cuspline.values.errors import PlanError
 
@@ -16,10 +17,13 @@ MACHINE, SHOP = catalogue.find_machine("mill_3axis"), catalogue.find_library(Non
 X, Y, TOP, FLOOR = 110.0, 80.0, 12.0, 6.0
 
 
-def planned(solid, operation=Auto(), **finish):
+def planned(solid, operation=Auto(), threads=None, inner=None, **finish):
     """SetupPlan of a block's inner faces."""
-    inner = FacePredicate(name="inside", at_least=1, center_min_mm=(0.5, 0.5, 0.3), center_max_mm=(X - 0.5, Y - 0.5, TOP - 0.3))
-    design = Design(name="tray", description="tray", parameters=Parameters(), solid=solid.val(), predicates=(inner,),
+    inner = inner or FacePredicate(name="inside", at_least=1, center_min_mm=(0.5, 0.5, 0.3),
+                                   center_max_mm=(X - 0.5, Y - 0.5, TOP - 0.3))
+    bored = FacePredicate(name="m6", count=1, kinds=("cylinder",), area_min_mm2=150, area_max_mm2=160)
+    design = Design(name="tray", description="tray", parameters=Parameters(), solid=solid.val(),
+                    predicates=(inner, *([bored] if threads else [])), threads=threads or {},
                     material="aluminium_6061", stock=StockBox(min_mm=(0, 0, 0), max_mm=(X, Y, TOP)),
                     finish=Finish(**{"scallop_mm": 0.01, "profile_tolerance_mm": 0.003, "gouge_mm": 0.004, **finish}),
                     setups=(Setup(name="setup-1", faces=("inside",), operations=(operation,), wcs_in_words="corner"),))
@@ -123,3 +127,35 @@ def test_the_floor_is_cut_at_its_height_and_round_its_walls(tray_plan):
 def test_a_stated_strategy_is_kept():
     names = [o.name for o in planned(tray(), Auto(strategy="parallel"), scallop_mm=0.3, profile_tolerance_mm=0.02).operations]
     assert "floor" not in names and "finish" in names
+
+
+def test_a_thread_in_a_flat_bottomed_hole_is_drilled_as_far_as_the_point_touches_the_bottom():
+    """The cone that stays is below the thread; a thread down to the bottom leaves no room for it."""
+    solid = block().cut(at(2, (30, 30)).circle(2.5).extrude(20))
+    plan = planned(solid, threads={"m6": Thread(size="M6", depth_mm=6)})
+    assert [o.name for o in plan.operations] == ["drill", "tap"]
+    assert plan.operations[0].moves.end_mm[:, 2].min() == pytest.approx(2.0)
+
+
+def test_deep_and_narrow_holes_with_a_level_bottom_are_drilled():
+    narrow, deep = at(6, (30, 30)).circle(1.5).extrude(20), at(0.5, (60, 30)).circle(1.7).extrude(20)
+    plan = planned(block().cut(narrow).cut(deep))
+    assert [o.name for o in plan.operations] == ["drill 3", "drill 3.4"]
+
+
+def test_a_drill_that_comes_out_in_a_cross_bore_leaves_what_stands_of_the_bottom_there():
+    """Its point of 140 degrees touches the inner edge of the two crescents, 1.732 mm from the axis."""
+    across = cq.Workplane("YZ", origin=(0, 30, 5)).circle(2.0).extrude(X)
+    solid = block().cut(at(4, (30, 30)).circle(3.0).extrude(20)).cut(across)
+    wall = FacePredicate(name="inside", count=1, kinds=("cylinder",), center_min_mm=(25, 25, 6), center_max_mm=(35, 35, 11))
+    plan = planned(solid, Drill(), inner=wall)
+    tip = plan.operations[0].moves.end_mm[:, 2].min()
+    assert 4 - 1.732 * np.tan(np.radians(20)) - 1e-3 < tip < 4 - 1.732 * np.tan(np.radians(20)) + 0.03
+
+
+def test_spots_go_before_the_drill_and_are_narrower_than_their_holes():
+    solid = block().cut(at(-1, (20, 20), (60, 20)).circle(2.5).extrude(20))
+    spots, drill = planned(solid, Drill(spot=True)).operations
+    assert (spots.name, spots.tool.cutter.type, drill.name) == ("drill spots", "spot_drill", "drill") and spots.facts["holes"] == 2
+    assert TOP - spots.moves.end_mm[:, 2].min() == pytest.approx(0.8 * 2.5)         # of 90 degrees: as deep as wide
+    assert all(c.kind == "drill" for c in spots.cycles)

@@ -29,7 +29,7 @@ def hole(at, diameter):
     return cq.Workplane("XY", origin=(*at, -1)).circle(diameter / 2).extrude(20)
 
 
-def planned(solid, margin=0.3, **says):
+def planned(solid, margin=0.3, shop=SHOP, **says):
     """SetupPlan of all faces of a block but its base, by Auto; a margin of -1 takes its sides and its top."""
     inner = FacePredicate(name="all", at_least=1, center_min_mm=(margin, margin, 0.3), normal=(0, 0, 1), normal_within_deg=91.0,
                           center_max_mm=(X - margin, Y - margin, Z - margin))
@@ -39,7 +39,7 @@ def planned(solid, margin=0.3, **says):
                     stock=StockBox(min_mm=(0, 0, 0), max_mm=(X, Y, Z)),
                     finish=Finish(scallop_mm=0.3, profile_tolerance_mm=0.03, gouge_mm=0.03),
                     setups=(Setup(name="setup-1", faces=("all",), operations=(Auto(),), wcs_in_words="corner"),), **says)
-    return plan_setup(design, design.setups[0], MACHINE, SHOP)
+    return plan_setup(design, design.setups[0], MACHINE, shop)
 
 
 def facts(plan):
@@ -105,3 +105,13 @@ def test_parts_as_users_bring_them_are_the_same_in_both_libraries_and_in_their_j
     read = catalogue.make_design(catalogue.find_design(str(job)), {})
     for name in ("predicates", "setups", "stock", "finish", "material", "threads", "dimensions"):
         assert getattr(read, name) == getattr(one, name), name
+
+
+def test_an_outline_and_a_window_that_no_one_cutter_fits_have_a_contour_each():
+    """One of 6 mm would just not go into the corners of the window, which a smaller one does."""
+    window = cq.Workplane("XY", origin=(31, 15, -1)).rect(20, 7).extrude(20).edges("|Z").fillet(3.0)
+    plan = planned(block().cut(window), margin=-1, shop=catalogue.find_library("small_mills"))
+    contours = [o.tool.cutter.diameter_mm for o in plan.operations if o.name == "contour"]
+    assert len(contours) == 2 and contours[1] < 6.0
+    assert "rounded by 3.000" in plan.operations[-1].facts["instead_of"] and not any(
+        o.tool.cutter.type == "ball" for o in plan.operations)

@@ -54,23 +54,24 @@ def test_the_hard_milling_presets_give_1270_mm_a_minute_and_another_preset_is_as
     assert work(tool, Parallel(**FACE)).speeds(tool, False) == (5000, pytest.approx(1270))
     assert work(tool, Parallel(preset="slow", **FACE)).speeds(tool, False) == (2500, pytest.approx(635))
     assert work(tool, Parallel(feed_per_tooth_mm=0.1, **FACE)).speeds(tool, False) == (5000, pytest.approx(1000))
-    with pytest.raises(PlanError, match="has no preset 'fast'; it has steel_17_4ph, .*, slow"):
+    with pytest.raises(PlanError, match="no tool has a preset 'fast'; there are inconel_718, slow, .*"):
         work(tool, Parallel(preset="fast", **FACE)).speeds(tool, False)
 
 
 def test_the_plan_says_where_every_figure_comes_from(tmp_path):
     tool = ball(tmp_path, ROWS)
-    said = work(tool, Parallel(spindle_rpm=4000, **FACE))._cutting_data(tool)
+    mine = work(tool, Parallel(spindle_rpm=4000, **FACE))
+    said = mine._cutting_data(tool, mine.preset(tool, is_rough=False))
     assert said == {"speed": "spindle_rpm of the operation", "feed": f"preset steel_h13_48hrc of T{tool.number}: L. Xu 1996",
                     "coolant": f"preset steel_h13_48hrc of T{tool.number}: L. Xu 1996"}
-    plain = work(BALL, Parallel(**FACE))._cutting_data(BALL)
+    plain = work(BALL, Parallel(**FACE))._cutting_data(BALL, None)
     assert plain["speed"].startswith("material steel_h13_48hrc: 40-80: Tungaloy")
 
 
-def test_a_tool_without_presets_is_written_as_before_and_half_a_preset_is_refused(tmp_path):
+def test_a_tool_without_presets_is_written_as_before_and_an_empty_preset_is_refused(tmp_path):
     assert "presets" not in BALL.model_dump() and Tool(**ball(tmp_path, ROWS).model_dump()) == ball(tmp_path, ROWS)
-    with pytest.raises(InputError, match="state one of spindle_rpm and cutting_speed_m_per_min"):
-        ball(tmp_path, [{"name": "x", "feed_mm_per_min": 10, "source": "y"}])
+    with pytest.raises(InputError, match="preset 'x' has neither speed, feed, depth nor coolant"):
+        ball(tmp_path, [{"name": "x", "source": "y"}])
 
 
 def test_the_command_line_goes_before_what_operations_say():

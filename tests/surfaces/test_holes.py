@@ -8,6 +8,7 @@ import pytest
 
 from cuspline.kernel import brep
 from cuspline.surfaces.holes import holes_of
+from cuspline.surfaces.prismatic_features import features_of
 
 BLOCK = cq.Workplane("XY").box(60, 40, 12, centered=False)
 
@@ -79,3 +80,15 @@ def test_two_walls_of_a_fork_are_two_holes():
     fork = cq.Workplane("XY").box(30, 30, 20).cut(cq.Workplane("XY").box(40, 40, 8)).union(
         cq.Workplane("XY").box(30, 4, 20).translate((0, 13, 0))).cut(cq.Workplane("XY").circle(4).extrude(60, both=True))
     assert [(h.kind, round(h.depth_mm, 6)) for h in found(fork)] == [("through", 6.0)] * 2
+
+
+def ring(inner, outer, low):
+    return cq.Workplane("XY", origin=(20, 20, low)).circle(outer).circle(inner).extrude(20)
+
+
+def test_a_groove_round_an_island_is_a_pocket_and_no_hole():
+    part = BLOCK.cut(ring(5.0, 9.0, 8.0))
+    assert found(part) == ()
+    solid = brep.faces_of(brep.the_solid(part.val()))
+    pocket, = (f for f in features_of(solid) if f.kind == "pocket")
+    assert len(pocket.faces) == 3 and pocket.size_mm == pytest.approx(4.0)

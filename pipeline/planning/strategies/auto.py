@@ -11,7 +11,7 @@ from cuspline.design.operations import Clearing, Finishing
 from cuspline.planning import chamfering, freeform_finishing, level_finishing, roughing, section_finishing
 from cuspline.planning.context import FinishingStage
 from cuspline.planning.cutter_choice import choose_ball, choose_cutter, choose_rest_ball, leftover_rows
-from cuspline.planning.feature_choice import holes_made, is_prismatic, outline_faces, pockets_made, told_of, tried
+from cuspline.planning.feature_choice import contoured, holes_made, is_prismatic, outline_faces, pockets_made, told_of
 from cuspline.planning.finishing_chain import choose_finishing
 from cuspline.planning.roughing import roughed
 from cuspline.planning.strategies.chamfer import Chamfer
@@ -129,7 +129,7 @@ class Auto(Finishing):
             return made
         shaped, rows = self._shaped(work.on(self, others, [*work.planned, *made.operations]))
         shaped_too = made.with_made(shaped, others, rows)
-        outlined, is_made = tried(work, shaped_too, Contour(), walls)
+        outlined, is_made = contoured(work, shaped_too, walls)
         return outlined if is_made else made.with_refused(outlined.refused[len(made.refused):])
 
     def _shaped(self, work):

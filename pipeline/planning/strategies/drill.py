@@ -24,6 +24,8 @@ class Drill(Operation):
     break_through_mm: float = Field(default=0.5, ge=0, le=50, description="below a through hole, behind the drill's point")
     retract_mm: float | None = Field(default=None, gt=0, le=500,
                                      description="above the stock over a hole it begins to feed; left out: the shop's approach_mm")
+    spot: bool | None = Field(default=None, description="a spot drill goes before, 0.8 of the hole wide, so that the drill does "
+                              "not wander; left out: none does")
     stays_low: bool = Field(default=False, description="from hole to hole in the retract plane (G99), not at the clearance (G98)")
 
     @model_validator(mode="after")

@@ -27,7 +27,7 @@ class Engrave(Operation):
                                  "zero; left out: 0, 0")
     height_mm: float | None = Field(default=None, gt=0, le=500, description="of the font; left out: 5")
     angle_deg: float | None = Field(default=None, ge=-360, le=360, description="of the text to X; left out: 0")
-    font_path: str | None = Field(default=None, description="a .ttf or .otf file; left out: what the CAD kernel finds")
+    font_path: str | None = Field(default=None, description="a .ttf or .otf file; left out: DejaVu Sans")
     lines: tuple[tuple[PlanPoint, ...], ...] | None = Field(default=None, min_length=1, description="X and Y of places, in the "
                                                             "same axes")
     borders_of: str | None = Field(default=None, description="name of faces whose borders are engraved")

@@ -2,6 +2,7 @@
 
 import json
 
+from cuspline.shop.tool_exchange.exporting import FREECAD, FUSION, exported, is_foreign
 from cuspline.shop.tool_table import dropped_fields
 from cuspline.values.errors import InputError
 
@@ -13,9 +14,10 @@ def refuse_target(path, table_suffix):
     Raises:
         InputError: neither a .json nor such a table, or its folder does not exist.
     """
-    if path.suffix not in (".json", table_suffix):
-        raise InputError(f"--to {path}: tools are written to a .json library"
-                         + (f" or the control's {table_suffix}" if table_suffix else ", for this control loads no table"))
+    if path.suffix not in (".json", table_suffix) and not is_foreign(path):
+        raise InputError(f"--to {path}: tools are written to a .json library, to Fusion ({', '.join(FUSION)}), to FreeCAD "
+                         f"({', '.join(FREECAD)})"
+                         + (f" or the control's {table_suffix}" if table_suffix else "; this control loads no table"))
     if not path.parent.is_dir():
         raise InputError(f"--to {path}: the folder {path.parent} does not exist")
 
@@ -36,7 +38,12 @@ def write_tools(library, path, control, table_of, imported=None):
         imported: Import that the library came from, if it did.
     """
     report = {} if imported is None else {"import": imported.as_dict()}
-    if path.suffix != ".json":
+    if is_foreign(path):
+        made = exported(library.tools, path)
+        for name, content in made.files.items():
+            _replaced(path.with_name(name), content)
+        report["export"] = made.as_dict()
+    elif path.suffix != ".json":
         _replace(path, table_of(library.tools, control))
         report["export"] = dropped_fields(library.tools, control)
     else:
@@ -63,7 +70,11 @@ def _text(document):
 
 
 def _replace(path, text):
+    _replaced(path, text.encode())
+
+
+def _replaced(path, content):
     """Write beside, then rename: no half-written file."""
     part = path.with_name(path.name + ".part")
-    part.write_text(text)
+    part.write_bytes(content)
     part.replace(path)

@@ -1,11 +1,16 @@
 """A foreign tool on its way in: what was used of it, what was dropped, what was assumed."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+
+from pydantic import ValidationError
 
 from cuspline.shop.cutters import Holder
-from cuspline.values.models import shortened
+from cuspline.shop.presets import Preset
+from cuspline.values.models import complaints, shortened
 
 LARGEST = 1e9                   # no measure of a tool, in any unit
+OWN = "cuspline"                # key of what the format cannot say of a tool; other programs pass over it
+OF_A_TOOL = ("cutter", "holder", "stick_out_mm", "head", "chatter", "presets")
 
 
 class SkippedTool(Exception):
@@ -25,8 +30,37 @@ class ForeignTool:
     stick_out_mm: float | None
     dropped: tuple[str, ...]
     assumed: tuple[str, ...]
+    presets: tuple[Preset, ...] = ()
+    more: dict = field(default_factory=dict)        # fields of cutters.Tool that no foreign format has
     skipped_because: str = ""
-    presets: tuple[dict, ...] = ()      # fields of presets.Preset
+
+    def with_own(self, own):
+        """The same with what stands under OWN: fields of a tool, None for one that it has not.
+
+        Raises:
+            SkippedTool: it is not understood.
+        """
+        if own is None:
+            return self
+        if not isinstance(own, dict) or not set(own) <= set(OF_A_TOOL) or not isinstance(own.get("cutter", {}), dict):
+            raise SkippedTool(f"{OWN} is {shortened(own)}, it must hold some of {', '.join(OF_A_TOOL)}")
+        rest = {k: v for k, v in own.items() if k not in ("cutter", "presets")}
+        cutter = {k: v for k, v in {**self.cutter, **own.get("cutter", {})}.items() if v is not None}
+        try:
+            holder = Holder.model_validate(rest.pop("holder")) if rest.get("holder") else self.holder
+            presets = tuple(map(Preset.model_validate, own["presets"] or ())) if "presets" in own else self.presets
+        except (ValidationError, TypeError) as error:
+            raise SkippedTool(f"{OWN}: {complaints(error) if isinstance(error, ValidationError) else error}") from None
+        stick_out_mm = rest.pop("stick_out_mm", self.stick_out_mm)
+        return replace(self, cutter=cutter, holder=holder, presets=presets, stick_out_mm=stick_out_mm, more=rest)
+
+
+def preset_or_none(**said):
+    """A Preset of what is known; None where that is nothing, or what no preset can say."""
+    try:
+        return Preset(**{k: v for k, v in said.items() if v is not None})
+    except ValidationError:
+        return None
 
 
 @dataclass

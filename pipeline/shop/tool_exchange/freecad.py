@@ -12,7 +12,7 @@ from pathlib import PurePath
 import numpy as np
 
 from cuspline.shop.threads import MINOR_SHARE
-from cuspline.shop.tool_exchange.foreign import Fields, ForeignTool, SkippedTool
+from cuspline.shop.tool_exchange.foreign import LARGEST, OWN, Fields, ForeignTool, SkippedTool, preset_or_none
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import InputError
 from cuspline.values.input_files import json_of
@@ -23,6 +23,8 @@ ANGLES_DEG = {"°": 1.0, "deg": 1.0, "rad": 180 / np.pi}
 SHAPES = {"endmill": "flat", "ballend": "ball", "bullnose": "bull_nose", "torus": "bull_nose",
           "taperedballnose": "tapered_ball", "drill": "drill", "chamfer": "chamfer_mill", "v-bit": "chamfer_mill",
           "vbit": "chamfer_mill", "tap": "tap", "thread-mill": "thread_mill", "threadmill": "thread_mill", "reamer": "reamer"}
+USES = {"profile": "contour", "adaptive": "rough"}      # kinds of operations there: as they are called here
+CHIPLOAD = "Chipload"       # the preset of a bit that says nothing but this
 TAP_CHAMFER = 3.0           # threads, which the format does not say: form C has two to three
 ROUNDING = 1e-12            # of a cone that is as high as its flutes
 FLANK_DEG = 30.0            # of a thread's tooth, from side to side twice that
@@ -36,13 +38,13 @@ def freecad_tools(path):
         InputError: a file that is missing or no library; says which.
     """
     if path.suffix == ".fctb":
-        return [_tool(_document(path, "parameter", dict), None)]
+        return [freecad_tool(_document(path, "parameter", dict), None)]
     rows = []
     for k, row in enumerate(_document(path, "tools", list)["tools"]):
         if not isinstance(row, dict) or not isinstance(row.get("nr"), int) or not isinstance(row.get("path"), str):
             raise InputError(f"{path} is no FreeCAD tool library: tools.{k} needs nr, a number, and path, a file")
         rows.append((row["nr"], row["path"]))
-    return [_tool(_document(_found(path, bit), "parameter", dict), number) for number, bit in rows]
+    return [freecad_tool(_document(_found(path, bit), "parameter", dict), number) for number, bit in rows]
 
 
 def _document(path, key, kind):
@@ -60,19 +62,51 @@ def _found(library, bit):
     raise InputError(f"{library} names the bit {bit!r}, which stands neither beside it nor in ../Bit")
 
 
-def _tool(document, number):
+def freecad_tool(document, number):
+    """The ForeignTool of one bit."""
     fields = Fields(document)
     shape = str(fields.get("shape-type") or fields.get("shape") or "").lower().removesuffix(".fcstd")
-    fields.used |= {("version",), ("name",), ("shape",), ("shape-type",)}
+    fields.used |= {("version",), ("name",), ("shape",), ("shape-type",), ("id",)}
+    own = fields.get(OWN)
     units = {m[2] for v in document["parameter"].values() if isinstance(v, str) and (m := MEASURE.fullmatch(v))
              and m[2] in LENGTHS_MM}
     made = {"number": number, "name": str(document.get("name") or "bit without a name"), "foreign_type": shape,
             "unit": ", ".join(sorted(units)) or "mm", "holder": None, "stick_out_mm": None}
     try:
         cutter = _cutter(fields, shape)
+        presets, left = _presets(fields)
+        return ForeignTool(**made, cutter=cutter, presets=presets, dropped=(*fields.dropped(), *left),
+                           assumed=tuple(fields.assumed)).with_own(own)
     except SkippedTool as reason:
         return ForeignTool(**made, cutter={}, dropped=(), assumed=(), skipped_because=str(reason))
-    return ForeignTool(**made, cutter=cutter, dropped=fields.dropped(), assumed=tuple(fields.assumed))
+
+
+def _presets(fields):
+    """(Presets in their order, names of what is dropped of them): m/min, mm a tooth; without any, the bit's own Chipload."""
+    rows, made, left = fields.get("presets"), [], set()
+    for k, row in enumerate(rows if isinstance(rows, list) else ()):
+        own = Fields(row if isinstance(row, dict) else {})
+        positive = lambda key, own=own: v if isinstance(v := own.get(key), (int, float)) and not isinstance(v, bool) and (
+            0 < v < LARGEST) else None
+        words = lambda value: value if isinstance(value, str) and value.strip() else None
+        found = preset_or_none(
+            name=words(own.get("name")) or f"preset {k + 1}", material=words(own.get("material_hint", "name")),
+            use=USES.get(use := words(own.get("op_type_hint")), use), cutting_speed_m_per_min=positive("surface_speed"),
+            feed_per_tooth_mm=positive("chipload"), plunge_share=positive("vert_feed_ratio"), notes=words(own.get("notes")))
+        left |= {f"presets.{name}" for name in own.dropped()} | ({f"presets.{k}"} if found is None else set())
+        made += [found] if found is not None else []
+    if not made and (load := _chipload_mm(fields)):
+        made = [preset_or_none(name=CHIPLOAD, feed_per_tooth_mm=load)]
+    return tuple(made), tuple(sorted(left))
+
+
+def _chipload_mm(fields):
+    """What the bit itself says a tooth takes; None: nothing, or 0."""
+    for place in ("parameter", "attribute"):
+        found = MEASURE.fullmatch(str(fields.get(place, "Chipload")))
+        if found and found[2] in LENGTHS_MM and (load := float(found[1].replace(",", ".")) * LENGTHS_MM[found[2]]) > 0:
+            return load
+    return None
 
 
 def _cutter(fields, shape):

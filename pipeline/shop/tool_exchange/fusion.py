@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from cuspline.shop.cutters import Holder
 from cuspline.shop.threads import MINOR_SHARE
-from cuspline.shop.tool_exchange.foreign import LARGEST, Fields, ForeignTool, SkippedTool
+from cuspline.shop.tool_exchange.foreign import LARGEST, OWN, Fields, ForeignTool, SkippedTool, preset_or_none
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import InputError
 from cuspline.values.input_files import LARGEST_BYTES, json_of, parsed_json
@@ -26,6 +26,10 @@ TAP_CHAMFER = 3.0           # threads, which the format does not say: form C has
 SHARP_MM = 0.01             # corners of a slot mill that states none: rounder ones cut less
 TYPES = ("flat end mill", "ball end mill", "bull nose end mill", "tapered mill", "dovetail mill", *POINTS, *HANDS, "thread mill",
          "face mill", "slot mill", "reamer", "counter bore")
+PER_TURN = ("drill", "spot drill", "counter bore", "counter sink", "reamer")      # whose feed is down, by the turn
+FOLLOWERS = ("guid", "n_ramp", "v_f_leadIn", "v_f_leadOut", "v_f_transition", "v_f_ramp", "v_f_retract", "use-feed-per-revolution")
+COOLANTS = {"flood": "flood", "mist": "mist", "disabled": "off"}
+METRES = 0.3048             # of a foot
 SEGMENT = ("height", "lower-diameter", "upper-diameter")
 
 
@@ -35,7 +39,7 @@ def fusion_tools(path):
     Raises:
         InputError: no such library, or no tools in it.
     """
-    return [_tool(row) for row in _rows(path) if row["type"] != "holder"]
+    return [fusion_tool(row) for row in _rows(path) if row["type"] != "holder"]
 
 
 def _rows(path):
@@ -76,10 +80,12 @@ def fusion_holders(path):
     return {h.name: h for h in found if h is not None}
 
 
-def _tool(row):
+def fusion_tool(row, number=None):
+    """The ForeignTool of one row; `number`: left out, the row's own."""
     fields, unit = Fields(row), str(row.get("unit"))
     fields.used |= {("type",), ("unit",), ("description",)}
-    number = fields.get("post-process", "number")
+    number = fields.get("post-process", "number") if number is None else number
+    own = fields.get(OWN)
     made = {"number": number if isinstance(number, int) and number > 0 else None, "foreign_type": row["type"],
             "name": str(row.get("description") or f"{row['type']} without a description"), "unit": unit}
     try:
@@ -89,32 +95,55 @@ def _tool(row):
             raise SkippedTool(f"type {row['type']!r} has no counterpart; known are {', '.join(TYPES)}")
         mm = UNITS_MM[unit]
         cutter, holder = _cutter(fields, row["type"], mm), _holder(fields, mm)
-        stick_out, presets = fields.number("geometry", "LB"), _presets(fields, mm)
+        stick_out = fields.number("geometry", "LB")
+        presets, left = _presets(fields, cutter, mm)
+        return ForeignTool(**made, cutter=cutter, holder=holder, stick_out_mm=None if stick_out is None else stick_out * mm,
+                           presets=presets, dropped=(*fields.dropped(), *left), assumed=tuple(fields.assumed)).with_own(own)
     except SkippedTool as reason:
         return ForeignTool(**made, cutter={}, holder=None, stick_out_mm=None, dropped=(), assumed=(),
                            skipped_because=str(reason))
-    return ForeignTool(**made, cutter=cutter, holder=holder, stick_out_mm=None if stick_out is None else stick_out * mm,
-                       dropped=fields.dropped(), assumed=tuple(fields.assumed), presets=presets)
 
 
-def _presets(fields, mm):
-    """Presets that state their name, spindle speed and feed a tooth (or a minute); () where one of them does not."""
-    rows, found = fields.document.get("start-values"), []
-    rows = rows.get("presets") if isinstance(rows, dict) else None
-    for row in rows if isinstance(rows, list) else []:
-        name, rpm, tooth, feed = (row.get(k) if isinstance(row, dict) else None for k in ("name", "n", "f_z", "v_f"))
-        by = {"feed_per_tooth_mm": tooth} if tooth is not None else {"feed_mm_per_min": feed}
-        (key, value), = by.items()
-        if not (isinstance(name, str) and name and _is_positive(rpm) and _is_positive(value)):
-            return ()
-        found.append({"name": name, "spindle_rpm": float(rpm), key: value * mm, "source": "the imported library"})
-    if found:
-        fields.get("start-values", "presets")
-    return tuple(found)
+def _presets(fields, cutter, mm):
+    """(Presets in their order, names of what is dropped of them).
+
+    Feeds stand in the tool's length a minute and a tooth or turn, v_c in m/min, of tools in inches in feet a minute; what
+    v_f and v_c repeat is not kept twice.
+    """
+    rows, made, left = fields.get("start-values", "presets"), [], set()
+    for k, row in enumerate(rows if isinstance(rows, list) else ()):
+        own = Fields(row if isinstance(row, dict) else {})
+        positive = lambda key, own=own: v if isinstance(v := own.get(key), (int, float)) and not isinstance(v, bool) and (
+            0 < v < LARGEST) else None
+        scaled = lambda value: None if value is None else exactly(value * mm)
+        rpm, speed, feed, down = (positive(key) for key in ("n", "v_c", "v_f", "v_f_plunge"))
+        turn, tooth = positive("f_n"), positive("f_z")
+        if fields.document["type"] in PER_TURN:
+            per_turn = turn or (down / rpm if rpm and down else None)
+            tooth, down = per_turn and per_turn / cutter["flutes"], None
+        elif tooth is None and rpm and feed:
+            tooth = feed / rpm / cutter["flutes"]
+        full = (rpm or 0.0) * (tooth or 0.0) * cutter["flutes"]
+        hint = own.get("material") if isinstance(own.get("material"), dict) else {}
+        words = [w for w in (hint.get("query"), hint.get("category")) if isinstance(w, str) and w.strip() and w != "all"]
+        coolant, name = own.get("tool-coolant"), own.get("name")
+        found = preset_or_none(
+            name=name if isinstance(name, str) and name.strip() else f"preset {k + 1}", material=words[0] if words else None,
+            spindle_rpm=rpm, cutting_speed_m_per_min=exactly(speed * (METRES if mm != 1.0 else 1.0)) if speed and not rpm else None,
+            feed_per_tooth_mm=scaled(tooth), plunge_share=exactly(down / full) if down and full else None,
+            ramp_deg=positive("ramp-angle"), stepdown_mm=scaled(positive("stepdown")) if own.get("use-stepdown") is True else None,
+            stepover_mm=scaled(positive("stepover")) if own.get("use-stepover") is True else None, coolant=COOLANTS.get(coolant),
+            notes=own.get("description") if isinstance(own.get("description"), str) and own.get("description") else None)
+        left |= {f"start-values.presets.{name}" for name in own.dropped() if name not in FOLLOWERS}
+        left |= {f"start-values.presets.tool-coolant ({coolant})"} if coolant and coolant not in COOLANTS else set()
+        left |= {f"start-values.presets.{k}"} if found is None else set()
+        made += [found] if found is not None else []
+    return tuple(made), tuple(sorted(left))
 
 
-def _is_positive(value):
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and 0 < value < LARGEST
+def exactly(value):
+    """A number out of arithmetic to the twelve digits that it is good for, so that what is written is read the same again."""
+    return float(f"{value:.12g}")
 
 
 def _cutter(fields, foreign_type, mm):

@@ -6,7 +6,6 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from cuspline.shop.cutters import Cutter, Holder, Tool, ToolLibrary
-from cuspline.shop.presets import Preset
 from cuspline.shop.tool_exchange.freecad import freecad_tools
 from cuspline.shop.tool_exchange.fusion import fusion_holders, fusion_tools
 from cuspline.values.amounts import counted
@@ -14,7 +13,7 @@ from cuspline.values.errors import InputError
 from cuspline.values.input_files import refuse_irregular
 from cuspline.values.models import complaints
 
-OVERALL_MM, SHANK_MM, HOLDER_MM = (20.0, 600.0), (1.5, 130.0), (5.0, 300.0)   # what stands in mill spindles
+OVERALL_MM, SHANK_MM, HOLDER_MM = (20.0, 600.0), (1.5, 130.0), (3.0, 300.0)   # what stands in mill spindles
 READERS = {".json": fusion_tools, ".tools": fusion_tools, ".fctb": freecad_tools, ".fctl": freecad_tools}
 
 
@@ -136,12 +135,24 @@ def _made(foreign):
     reason, tool = foreign.skipped_because, None
     if not reason:
         try:
-            tool = Tool(number=foreign.number, cutter=Cutter(name=foreign.name, **foreign.cutter),
-                        holder=Holder.model_validate(foreign.holder), stick_out_mm=foreign.stick_out_mm,
-                        presets=tuple(Preset(**p) for p in foreign.presets))
+            tool = _tool_of(foreign)
         except ValidationError as error:
             reason = complaints(error)
     return ImportedTool(**kept, tool=tool, skipped_because=reason)
+
+
+def _tool_of(foreign):
+    return Tool(number=foreign.number, cutter=Cutter(name=foreign.name, **foreign.cutter),
+                holder=Holder.model_validate(foreign.holder), stick_out_mm=foreign.stick_out_mm, presets=foreign.presets or None,
+                **foreign.more)
+
+
+def made_of(foreign):
+    """The Tool that a ForeignTool is by itself; None: it lacks something, or is none."""
+    try:
+        return None if foreign.skipped_because else _tool_of(foreign)
+    except ValidationError:
+        return None
 
 
 def _refuse_implausible(path, rows):

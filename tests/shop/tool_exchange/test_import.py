@@ -9,6 +9,7 @@ from foreign_libraries import HOLDER, freecad_bit, freecad_library, fusion_libra
 from cuspline.app import cli
 from cuspline.app.catalogue import find_library
 from cuspline.shop.cutters import library_from_json
+from cuspline.shop.presets import Preset
 from cuspline.shop.tool_exchange.importing import import_tools
 from cuspline.values.errors import InputError
 
@@ -143,7 +144,8 @@ def test_everything_dropped_or_assumed_is_listed(tmp_path):
     tool = fusion_tool(NOF=None, **{"shoulder-diameter": None})
     row = import_tools(fusion_library(tmp_path / "shop.json", tool)).rows[0]
     assert set(row.dropped) == {"BMC", "expressions", "geometry.CSP", "geometry.HAND", "geometry.assemblyGaugeLength",
-                                "guid", "holder.vendor", "post-process.live", "start-values", "vendor"}
+                                "guid", "holder.vendor", "post-process.live", "vendor"}
+    assert row.tool.presets == (Preset(name="preset 1", spindle_rpm=9000),)
     assert [a.split(" (")[0] for a in row.assumed] == ["flutes = 1, for the slowest feed", "neck_diameter_mm = 10"]
 
 
@@ -229,7 +231,7 @@ def test_a_freecad_library_comes_in_with_numbers_units_and_what_it_lacks(tmp_pat
     assert ball.cutter.diameter_mm == pytest.approx(6.35) and bull.cutter.corner_radius_mm == pytest.approx(1.0)
     assert flat.cutter.flutes == 3 and bull.cutter.flutes == 1
     assert any("flutes = 1" in a for a in done.rows[2].assumed)
-    assert "parameter.Chipload" in done.rows[0].dropped and done.rows[1].unit == '", in, mm'
+    assert done.rows[0].dropped == ("attribute",) and done.rows[0].tool.presets is None and done.rows[1].unit == '", in, mm'
 
 
 def test_a_tapered_ball_nose_has_half_the_included_angle(tmp_path):

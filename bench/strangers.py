@@ -1,0 +1,52 @@
+"""Prismatic parts as somebody writes them who knows the README alone, by `Auto` and the library small_mills: built with all proofs.
+
+    python bench/strangers.py [PART ...]
+"""
+
+import importlib.util
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(ROOT / "tests/parts"), str(ROOT / "bench")]
+
+from built_parts import ran  # noqa: E402
+from users_parts import HEAD, told  # noqa: E402
+
+from cuspline.kernel import brep  # noqa: E402
+
+HERE = Path(__file__).parent / "strangers"
+PARTS = ("bracket", "housing", "manifold", "oring_cover", "hub", "two_sides", "slanted", "l_pocket", "clamp", "indexed")
+JOBS = ("clamp",)           # STEP with a job file
+
+
+def source_of(part, folder):
+    """What `cuspline build` is given; of a job file its STEP is written beside it."""
+    if part not in JOBS:
+        return HERE / f"{part}.py"
+    spec = importlib.util.spec_from_file_location(part, HERE / f"{part}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    brep.write_step(brep.the_solid(module.solid(), part), folder / f"{part}.step", part)
+    (folder / f"{part}.toml").write_text((HERE / f"{part}.toml").read_text())
+    return folder / f"{part}.toml"
+
+
+def form_of(part):
+    text = (HERE / f"{part}.py").read_text()
+    return "job" if part in JOBS else "build123d" if "build123d" in text else "cadquery"
+
+
+def main(parts=PARTS):
+    print("\n".join(HEAD), flush=True)
+    for part in parts:
+        with tempfile.TemporaryDirectory() as scratch:
+            scratch, begin = Path(scratch), time.process_time()
+            done = ran("build", source_of(part, scratch), "--cutters", "small_mills", "--out", scratch / "out", "--stage", "verify")
+            print(told(part, form_of(part), done, scratch / "out", time.process_time() - begin), flush=True)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:] or PARTS)
