@@ -1,5 +1,7 @@
 """Presets of a tool: speeds and feeds that a shop has found for it, by name and work material."""
 
+import math
+
 from pydantic import Field, model_validator
 
 from cuspline.values.coolants import Coolant
@@ -35,6 +37,10 @@ class Preset(Sparse):
         if all(getattr(self, n) is None for n in self.LEFT_OUT if n not in ("material", "use", "notes", "source")):
             raise ValueError(f"preset {self.name!r} has neither speed, feed, depth nor coolant")
         return self
+
+    def speed_m_per_min(self, diameter_mm):
+        """Cutting speed on that diameter that it asks for, or None."""
+        return self.cutting_speed_m_per_min if self.spindle_rpm is None else math.pi * diameter_mm * self.spindle_rpm / 1000.0
 
     def suits(self, kind, is_rough):
         """Whether it is for an operation of that kind, in that stage."""
