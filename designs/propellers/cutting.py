@@ -226,11 +226,11 @@ def _posts(table, p, blade_mm, down, foot):
     r, diameter = POST_AT * table.radius_mm, POST_SHARE * table.diameter_mm
     skew = float(np.interp(POST_AT, table.r_R[np.isfinite(table.skew_rad)], table.skew_rad[np.isfinite(table.skew_rad)]))
     place = np.array([0.0, table.hand * r * fixed.sin(skew), r * fixed.cos(skew)])
-    over = np.hypot(*(blade_mm - place)[:, 1:].T) < diameter / 2
+    over = fixed.hypot(*(blade_mm - place)[:, 1:].T) < diameter / 2
     top = down * float((down * blade_mm[over, 0]).max()) + down * (p.skin_mm + GAP_MM)
     posts = []
     for k in range(table.blades):
-        _, y, z = (about_x(2 * np.pi * k / table.blades) @ place).round(6).tolist()
+        _, y, z = fixed.matmul(about_x(2 * np.pi * k / table.blades), place).round(6).tolist()
         posts.append(FixtureCylinder(name=f"post {k + 1}", from_mm=(float(foot), y, z), to_mm=(top, y, z), diameter_mm=diameter))
     return tuple(posts)
 

@@ -38,7 +38,7 @@ class DrillPoint:
         axis = np.array(self.axis)
         across = np.eye(3)[np.abs(axis).argmin()]
         u = np.cross(axis, across)
-        u /= np.linalg.norm(u)
+        u /= fixed.length(u)
         turn = 2 * np.pi * np.arange(SIDES) / SIDES
         # flat sides lie within the cone: their corners stand out, so that no place of the cone is left out
         rim = np.outer(fixed.cos(turn), u) + np.outer(fixed.sin(turn), np.cross(axis, u))
