@@ -58,8 +58,8 @@ ROUND, FORWARD, BEGIN, END, ARC = range(5)              # of a ring in the cut: 
                                                         # where the first begins and the last ends; ends of one arc after another
 ARCS = 3                  # of a ring at most: of more the widest
 RING = ARC + 2 * ARCS     # columns
-SIDE = float(fixed.sin(math.radians(10.0))) * (1 - 1e-9)        # of the radius: nearer to its axis the cutter's arcs do not count as its
-                          # immersion: on the least way down they widen to a whole turn
+SIDE = float(fixed.sin(math.radians(10.0))) * (1 - 1e-9)        # of the radius: nearer to its axis the cutter's arcs do not count
+                          # as its immersion: on the least way down they widen to a whole turn
 CLOSER = 3                # times the rings beside the most immersed one are looked at, each time half as far from it
 LOWEST, HIGHEST, WIDEST, RATE = range(4)                        # of a place: lengths along the edge, see Engagement
 TIP_X, TIP_Y, TIP_Z, LEVEL, RISE = range(5)                     # of a place: tip; feed (unit) across the axis and along it,
