@@ -31,6 +31,7 @@ FORMS = ("dome", "saddle", "blade")
 # where the job is held, mm beside the preset's zero: as it is, heads that lean come down too low, tables are in the way
 HELD_MM = {**dict.fromkeys(("mill_head_head", "mill_gantry_5axis", "mill_head_table_bc", "mill_head_table"), (0, 0, 60)),
            "mill_table_table": (0, 110, 70), "mill_a_on_b": (0, 0, 80)}
+MORE_MM = {("blade", "mill_head_head"): 5, ("blade", "mill_gantry_5axis"): 5}      # higher still: its corners lie lower
 
 
 def measure():
@@ -86,6 +87,12 @@ def _alike(form):
             (f"{form}: to plan it", planned, "CPU s")]
 
 
+def _held_mm(form, name):
+    """(x, y, z) of the job beside the preset's zero."""
+    x, y, z = HELD_MM.get(name, (0, 0, 0))
+    return x, y, z + MORE_MM.get((form, name), 0)
+
+
 # whole verdicts --------------------------------------------------------------------------------------
 
 
@@ -102,9 +109,9 @@ def verdicts(folder, forms):
 
 
 def _verdict(folder, form, name):
-    mill, out = folder / f"{name}.toml", folder / f"{form}-{name}"
+    mill, out = folder / f"{form}-{name}.toml", folder / f"{form}-{name}"
     text = (MACHINES / f"{name}.toml").read_text()
-    zero = [a + b for a, b in zip(find_machine(name).wcs_origin_mm, HELD_MM.get(name, (0, 0, 0)))]
+    zero = [a + b for a, b in zip(find_machine(name).wcs_origin_mm, _held_mm(form, name))]
     mill.write_text(re.sub(r"(?m)^wcs_origin_mm = \S.*?\]", f"wcs_origin_mm = {zero}", text))
     begin = os.times()
     done = subprocess.run([Path(sys.executable).with_name("cuspline"), "build", PARTS / "leaning_surface.py", "-p", f"form={form}",
@@ -120,7 +127,7 @@ def _verdict(folder, form, name):
 
 
 def _as_row(form, name, row):
-    held = " ".join(f"{v:g}" for v in HELD_MM.get(name, (0, 0, 0)))
+    held = " ".join(f"{v:g}" for v in _held_mm(form, name))
     if "ok" not in row:
         return f"| {form} | {name} | {held} | none: {' '.join(row['why'])} | {row['cpu_s']:.0f} | – | – | – |"
     word = "VERIFIED" if row["ok"] else "rejected: " + "; ".join(row["findings"][:3])

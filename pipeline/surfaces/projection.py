@@ -13,10 +13,16 @@ from cuspline.surfaces import projection_tree
 from cuspline.surfaces.patches import PatchSet
 from cuspline.surfaces.projection_kernels import CHUNK, NOWHERE, project_rows, refine_rows
 from cuspline.surfaces.projection_tree import TreeArrays
-from cuspline.surfaces.trims import TrimSet
+from cuspline.surfaces.trims import CHORD_MM, TrimSet
 from cuspline.values.arrays import for_kernel, frozen
 from cuspline.values.errors import PlanError
 from cuspline.values.threads import in_blocks
+
+SQUARE = 0.999              # cosine of a way to the normal: nearer to 1 the foot is a perpendicular's
+STEP, ASIDE = 0.1, 3.0      # of a distance: from its foot so much back along the way, and so many times that aside of it
+MOST_TURNS = 12             # each leaves less than a third of the distance
+LEAST_MM = 1e-12            # a way shorter than this has no direction
+ONE_LINE = 1e-6             # sine between a way and a normal
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -40,6 +46,10 @@ class ClosestPoints:
 
     def __len__(self):
         return len(self.distance_mm)
+
+    def only(self, rows):
+        """The chosen ones."""
+        return ClosestPoints(**{name: value[rows] for name, value in vars(self).items()})
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -102,9 +112,64 @@ class ClosestTree:
 
     def signed_distances_mm(self, points_mm):
         """(n,) distances of points (n, 3) from the faces of a whole part, negative inside it."""
-        near = self.closest_points(points_mm)
-        outside = np.einsum("ij,ij->i", points_mm - near.point_mm, np.nan_to_num(near.normal))
-        return np.where(outside < 0.0, -near.distance_mm, near.distance_mm)
+        points = for_kernel(points_mm).reshape(-1, 3)
+        near = self.closest_points(points)
+        return np.where(self._are_outside(points, near), near.distance_mm, -near.distance_mm)
+
+    def _are_outside(self, points, near):
+        r"""(n,) bool: points on the air side of the faces; `near`: ClosestPoints of them.
+
+             p · · q     Where the foot F is a perpendicular's, the face's normal says it.  On an edge or corner the normal of one
+               |/        of the faces there does not: p stands in the air over F, and yet behind the plane of the side face, if the
+            \  F\        edge is sharper than square.  But the ball about p that touches F is empty, so every place q in it is on
+             \ | \       the side that p is on; aside of the way to p it stands over one face or the other, or nearer to that.
+        """
+        are_outside = _cosines(points, near) >= 0.0
+        rows = np.arange(len(points))
+        for turn in range(MOST_TURNS):
+            left = ~_are_square(points, near) & (near.distance_mm > CHORD_MM)
+            if not left.any():
+                break
+            rows, (points, near) = rows[left], self._aside(points[left], near.only(left), across=turn % 2 == 1)
+            are_outside[rows] = _cosines(points, near) >= 0.0
+        return are_outside
+
+    def _aside(self, points, near, across):
+        """Of two places beside each foot, both in the point's empty ball, the one more square to its own: (m, 3), ClosestPoints.
+
+        They lie in the plane of the way and the normal, or across it.
+        """
+        way, step = _ways(points, near), STEP * near.distance_mm[:, None]
+        aside = _square_to_way(way, np.nan_to_num(near.normal))
+        aside = ASIDE * (np.cross(way, aside) if across else aside)
+        places = np.concatenate([near.point_mm + step * (way + aside), near.point_mm + step * (way - aside)])
+        found = self.closest_points(places)
+        one, other = np.split(np.abs(_cosines(places, found)) + _are_square(places, found), 2)
+        best = np.arange(len(points)) + len(points) * (other > one)
+        return places[best], found.only(best)
+
+
+def _ways(points, near):
+    """(n, 3) unit ways from the nearest places to the points; 0 on the faces."""
+    return (points - near.point_mm) / np.maximum(near.distance_mm, LEAST_MM)[:, None]
+
+
+def _cosines(points, near):
+    """(n,) of the angles between the ways to the points and the normals; 0 where there is no normal."""
+    return np.einsum("ij,ij->i", _ways(points, near), np.nan_to_num(near.normal))
+
+
+def _are_square(points, near):
+    """(n,) bool: the foot is a perpendicular's within a face."""
+    return ~near.is_edge & (np.abs(_cosines(points, near)) > SQUARE)
+
+
+def _square_to_way(way, normal):
+    """(n, 3) unit, square to unit ways, in the plane of way and normal; any where these are one line."""
+    aside = normal - np.einsum("ij,ij->i", way, normal)[:, None] * way
+    are_one_line = (aside * aside).sum(axis=1) < ONE_LINE ** 2
+    aside[are_one_line] = np.cross(way[are_one_line], np.eye(3)[np.abs(way[are_one_line]).argmin(axis=1)])
+    return aside / np.sqrt((aside * aside).sum(axis=1))[:, None]
 
 
 def refined(patches, face, u, v, points_mm):

@@ -103,3 +103,10 @@ def round_pocket_block(side_radius=4.0, floor_radius=2.5):
     block = cq.Workplane("XY").box(60, 40, 30).faces(">Z").workplane().rect(40, 24).cutBlind(-12)
     block = block.edges(cq.selectors.BoxSelector((-21, -13, 4), (21, 13, 14.9))).edges("|Z").fillet(side_radius)
     return block.faces(cq.selectors.BoxSelector((-19, -11, 2.9), (19, 11, 3.1))).edges().fillet(floor_radius)
+
+
+def wedge(angle_deg):
+    """Solid along y with an edge on that axis, material from the x axis up to an angle (x to z), 30 mm long arms."""
+    turn = np.radians(angle_deg)
+    arms = [(30 * np.cos(t), 30 * np.sin(t)) for t in np.linspace(0.0, turn, 2 + int(angle_deg // 60))]
+    return cq.Workplane("XZ").polyline([(0.0, 0.0), *arms]).close().extrude(20, both=True)

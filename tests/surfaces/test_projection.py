@@ -5,11 +5,13 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from known_surfaces import bspline, face_of, kinds, random_weights, round_pocket_block, wavy_poles
+from known_surfaces import bspline, face_of, kinds, random_weights, round_pocket_block, wavy_poles, wedge
 from OCP.BRep import BRep_Builder
 from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeVertex
+from OCP.BRepClass3d import BRepClass3d_SolidClassifier
 from OCP.BRepExtrema import BRepExtrema_DistShapeShape
 from OCP.gp import gp_Pnt
+from OCP.TopAbs import TopAbs_IN
 from OCP.TopoDS import TopoDS_Compound
 
 from cuspline.kernel.brep import Face, faces_of, the_solid
@@ -226,3 +228,63 @@ def test_the_nearest_place_of_a_round_piece_is_that_of_brute_force():
             brute = np.linalg.norm(places - q, axis=1).min()
             assert found <= brute + 1e-10 and brute - found < 5e-3 and np.linalg.norm(foot - q) == pytest.approx(found, abs=1e-12)
             assert np.linalg.norm(places - foot, axis=1).min() < 0.1
+
+
+@pytest.mark.parametrize("angle_deg", [12, 30, 60, 90, 120, 240, 300, 330, 348])
+def test_beside_an_edge_of_any_angle_the_sign_is_that_of_the_side(angle_deg):
+    at, far = np.linspace(0, 360, 241)[:-1] + 0.7, 4.0
+    points = np.column_stack([far * np.cos(np.radians(at)), np.linspace(-5, 5, 240), far * np.sin(np.radians(at))])
+    tree = ClosestTree.of_faces(faces_of(the_solid(wedge(angle_deg))))
+    np.testing.assert_array_equal(tree.signed_distances_mm(points) < 0, at < angle_deg)
+    np.testing.assert_array_equal(np.abs(tree.signed_distances_mm(points)), tree.closest_points(points).distance_mm)
+
+
+def spire():
+    """A pyramid whose corners are all sharper than square, in a block that has the same cut out of its base."""
+    base = cq.Workplane().rect(6, 4).workplane(offset=15.0).rect(0.02, 0.02).loft(combine=True).val()
+    block = cq.Workplane().box(30, 30, 20, centered=(True, True, False)).val()
+    return cq.Workplane(obj=block.cut(base).fuse(base.moved(cq.Location(cq.Vector(0, 0, 20)))))
+
+
+EDGED = {"pocket": PARTS["pocket"], "drilled": PARTS["drilled"], "spire": spire,
+         "needle": lambda: cq.Workplane(obj=cq.Solid.makeCone(2, 0, 12)).rotate((0, 0, 0), (1, 2, 3), 35)}
+
+
+@pytest.mark.parametrize("name", EDGED)
+def test_signs_round_edges_and_corners_are_those_of_the_kernels_classifier(name):
+    solid = the_solid(EDGED[name]())
+    faces, rng = faces_of(solid), np.random.default_rng(4)
+    tree = ClosestTree.of_faces(faces)
+    corners = np.unique(np.array([cq.Vertex(v.wrapped).toTuple() for v in cq.Shape(solid).Vertices()]).round(9), axis=0)
+    points = np.concatenate([around(faces, 60, seed=5, margin=2.0)] + [
+        at + size * rng.normal(size=(30, 3)) for size in (0.03, 1.0) for at in corners[:8]])
+    near = tree.closest_points(points)
+    points = points[near.distance_mm > 1e-3]
+    classifier = BRepClass3d_SolidClassifier(solid)
+
+    def is_inside(p):
+        classifier.Perform(gp_Pnt(*p.tolist()), 1e-7)
+        return classifier.State() == TopAbs_IN
+
+    np.testing.assert_array_equal(tree.signed_distances_mm(points) < 0, [is_inside(p) for p in points])
+    assert near.is_edge.sum() >= 10
+
+
+def test_signs_about_random_splinters_are_those_of_barycentric_coordinates():
+    rng, wrong, asked = np.random.default_rng(1), 0, 0
+    for n in range(12):
+        corners = rng.uniform(-5, 5, (4, 3))
+        corners[3] = corners[:3].mean(axis=0) + 0.5 * rng.normal(size=3)      # flat, with sharp edges and sharper corners
+        rows = (0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3)
+        wires = [cq.Wire.makePolygon([cq.Vector(*corners[i]) for i in row], close=True) for row in rows]
+        solid = cq.Solid.makeSolid(cq.Shell.makeShell([cq.Face.makeFromWires(w) for w in wires]))
+        is_void = n % 3 == 0
+        part = cq.Workplane().box(40, 40, 40).cut(cq.Workplane(obj=solid)) if is_void else cq.Workplane(obj=solid)
+        tree = ClosestTree.of_faces(faces_of(the_solid(part)))
+        points = np.concatenate([c + size * rng.normal(size=(100, 3)) for c in corners for size in (0.05, 1.0, 3.0)])
+        ones = lambda rows: np.vstack([rows.T, np.ones(len(rows))])
+        is_inside = (np.linalg.solve(ones(corners), ones(points)) > 0).all(axis=0) != is_void
+        counts = tree.closest_points(points).distance_mm > 1e-3
+        wrong += int(((tree.signed_distances_mm(points) < 0) != is_inside)[counts].sum())
+        asked += int(counts.sum())
+    assert asked > 10_000 and wrong == 0

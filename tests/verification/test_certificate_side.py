@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from exact_parts import patch_solid, random_poles
 from known_programs import arc, feed, program, rapid
+from known_surfaces import wedge
 from known_tools import on_a_head
 from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox, BRepPrimAPI_MakeCylinder, BRepPrimAPI_MakeSphere
 from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt
@@ -106,3 +107,27 @@ def test_a_disc_whose_axis_turns_is_listed():
     found = certify(replace(posted, start_axis=axes[0], end_axis=axes[1]), {7: TOOL}, ExactPart.of_solid(block), solid=block,
                     tolerance_mm=TOLERANCE_MM)
     assert found.row.tolist() == [0] and "turns" in found.uncovered[0][1]
+
+
+def balls_about_an_edge(angle_deg, at_deg, far_mm, radius_mm, way_mm=(0.0, 0.03, 0.0)):
+    """Bounds of balls whose centres start so far from the edge of a wedge, at angles as its own, and run along it."""
+    views = SideViews(solid=brep.the_solid(wedge(angle_deg)), axis=(0.0, 0.0, 1.0), thickness_mm=TOLERANCE_MM)
+    at = np.radians(np.atleast_1d(at_deg))
+    start = far_mm * np.column_stack([np.cos(at), 0 * at, np.sin(at)])
+    return views.of_ball(start, start + way_mm, radius_mm, TOLERANCE_MM, move_depths)[0]
+
+
+@pytest.mark.parametrize("angle_deg", [20, 60, 85])
+def test_a_ball_on_an_edge_sharper_than_square_cuts_as_deep_as_the_edge_is_in_it(angle_deg):
+    """Its centre stands over the edge, behind the plane of one face or the other."""
+    at = np.linspace(angle_deg + 92, 268, 9)
+    for into in (0.0, 0.05):
+        bound = balls_about_an_edge(angle_deg, at, 4.0 - into, 4.0)
+        assert is_close(bound, np.full(9, into))
+
+
+@pytest.mark.parametrize("angle_deg", [275, 300, 340])
+def test_a_ball_all_inside_beside_a_notch_counts_as_deep_as_it_is(angle_deg):
+    """Nearest to the notch's edge, in front of the plane of one of its faces."""
+    at = np.linspace(92, angle_deg - 92, 9)
+    assert balls_about_an_edge(angle_deg, at, 4.0, 2.0) == pytest.approx(np.full(9, 2.0), abs=1e-9)
