@@ -189,7 +189,7 @@ def a_stop_to_look(sheet, rng):
 @harmless
 def a_dwell(sheet, rng):
     lines = lines_with(sheet, r"^S\d+ M3")
-    return sheet.with_line(lines[-1], sheet.lines[lines[-1] - 1], "G4 P2" + ("." if sheet.is_fanuc else ""))
+    return sheet.with_line(lines[-1], sheet.lines[lines[-1] - 1], "G4 P2000" if sheet.is_fanuc else "G4 P2")
 
 
 @harmless
