@@ -251,6 +251,7 @@ class _Trial:
     kept: object
     tell: Callable
     known: dict = field(default_factory=dict)       # plans -> what `as_run` has made of them
+    joint_s: dict = field(default_factory=dict)     # (setup, operation) -> seconds through the joints, of the last program
 
     def as_run(self, plan):
         """The SetupPlan with speeds and feeds by what its edges meet, worked out once."""
@@ -261,7 +262,8 @@ class _Trial:
     def write_plan(self, plans, cuts=None):
         """plan.json.   cuts: function of the plans as run -> what the edges of each meet, one list of rows a plan."""
         plans = [self.as_run(plan) for plan in plans]
-        _write_json(self.work / "plan.json", plan_document(self.order, plans, None if cuts is None else cuts(plans)))
+        document = plan_document(self.order, plans, None if cuts is None else cuts(plans), self.joint_s)
+        _write_json(self.work / "plan.json", document)
 
     @staticmethod
     def planned_cuts(plans):
@@ -272,9 +274,12 @@ class _Trial:
         """plan.json, programs and tools on disk; Job."""
         for name in instead_of.program_names if instead_of else ():
             (self.work / name).unlink()
-        self.write_plan(plans)
         self.tell(f"post for {self.order.machine.name}")
-        return _posted(self.order, [self.as_run(plan) for plan in plans], self.work, self.inputs)
+        job, joint_s = _posted(self.order, [self.as_run(plan) for plan in plans], self.work, self.inputs)
+        self.joint_s.clear()
+        self.joint_s.update(joint_s)
+        self.write_plan(plans)
+        return job
 
     def begun(self, job):
         """The first part of the verdict."""
@@ -367,16 +372,18 @@ def _finished(order, work, inputs, job, findings=(), left_out=""):
 # plan and program ------------------------------------------------------------------------------
 
 
-def plan_document(order, plans, cuts=None):
+def plan_document(order, plans, cuts=None, joint_s=None):
     """plan.json: per operation cutter, step, feeds, time, and the candidates rejected.
 
     Args:
+        joint_s: {(setup, operation): seconds through the joints} of the posted program, where rotaries turn in the cut.
         cuts: what the edges of each plan's operations meet, rows of verify.json's "process"; None: not known yet.
     """
     setups = []
     for plan, changes, met in zip(plans, tool_changes(plans), [()] * len(plans) if cuts is None else cuts):
         rows = {row["name"]: row for row in met}
-        operations = [_operation_document(o) | process_words(o, rows.get(o.name), plan.context.material) for o in plan.operations]
+        operations = [_operation_document(o, (joint_s or {}).get((plan.setup.name, o.name)))
+                      | process_words(o, rows.get(o.name), plan.context.material) for o in plan.operations]
         lies = plan.setup.refixturing
         setups.append({"name": plan.setup.name, "operations": operations,
                        "listed": [a.as_dict() for a in plan.accounts], "wcs": plan.setup.wcs,
@@ -421,30 +428,32 @@ def _stock_document(stock):
             "deviation_mm": stock.shape.error_mm}
 
 
-def _operation_document(o):
-    cutter = o.tool.cutter
+def _operation_document(o, joint_s=None):
+    cutter, times = o.tool.cutter, {} if joint_s is None else {"time_s": round(joint_s, 1), "time_through": "joints"}
     cutting = o.moves.feed_mm_per_min[o.moves.feed_mm_per_min > 0]
     return {"name": o.name,
             "tool": {"number": o.tool.number, **cutter.model_dump(mode="json"), "stick_out_mm": o.tool.stick_out_mm,
                      "holder": o.tool.holder.model_dump(mode="json"),
                      "head": None if o.tool.head is None else o.tool.head.model_dump(mode="json")},
             "spindle_rpm": o.rpm, "coolant": o.coolant,
-            "feed_mm_per_min": [float(cutting.min()), float(cutting.max())], "blocks": len(o.moves), **o.facts}
+            "feed_mm_per_min": [float(cutting.min()), float(cutting.max())], "blocks": len(o.moves), **o.facts, **times}
 
 
 def _posted(order, plans, work, inputs):
-    """Post every setup, write the tools, return the Job."""
+    """Post every setup, write the tools; Job, and {(setup, operation): seconds} where rotaries turn in the cut."""
     post = post_module(order.machine)
     tools = {o.tool.number: o.tool for p in plans for o in p.operations}
     if post.TOOL_TABLE is not None:
         (work / post.TOOL_TABLE).write_text(post.tool_table(tools.values(), order.machine.control))
         _write_json(work / "tools.dropped.json", dropped_fields(tools.values(), order.machine.control))
     _write_json(work / "tools.json", {"tools": [tools[n].model_dump(mode="json") for n in sorted(tools)]})
-    posted, written = [], {}
+    posted, written, joint_s = [], {}, {}
     for held in by_clamping(plans):
         held_by = held[0].setup.name
         program = clamping_program(held, _header(order, held, inputs), f"{order.design.name} {held_by}")
-        texts = post.post(program, order.machine).texts
+        made = post.post(program, order.machine)
+        texts, of = made.texts, [(plan.setup.name, o.name) for plan in held for o in plan.operations]
+        joint_s |= {of[number - 1]: seconds for number, seconds in getattr(made, "joint_s", {}).items()}
         names = [f"{held_by}.{post.EXTENSION}"] if len(texts) == 1 else [
             f"{held_by}-{k:02d}.{post.EXTENSION}" for k in range(1, len(texts) + 1)]
         written |= zip(names, texts)
@@ -464,7 +473,7 @@ def _posted(order, plans, work, inputs):
     line = job_line(digest_of(job.model_dump(mode="json")))
     for name, text in written.items():
         (work / name).write_text(text.replace(post.comment(job_line("")), post.comment(line)))
-    return job
+    return job, joint_s
 
 
 def _header(order, held, inputs):

@@ -31,6 +31,7 @@ class PlainMoves:
     """An operation with the spindle upright: words are the tip's places."""
 
     notes, is_tip = (), False
+    joint_s = None              # seconds through the joints of a tool that leans
 
     def __init__(self, operation, rotaries):
         self.operation, moves = operation, operation.moves
@@ -89,6 +90,11 @@ class JointRun:
         return path
 
     @property
+    def turns(self):
+        """Whether a rotary axis turns on the way."""
+        return bool(np.ptp(self.joints[:, 3:], axis=0).any())
+
+    @property
     def is_linked(self):
         """(n - 1,) bool: a cutting block that goes on from another."""
         return self.is_feed[1:] & np.concatenate([[False], self.is_feed[1:-1]])
@@ -119,11 +125,13 @@ class SolvedMoves:
         self.seconds = self._seconds(path_tolerance_mm)
         self.start_mm, self.starts_mm = self.words_mm[0], self.words_mm[run.first - 1]
         self.turned_deg = run.degrees[run.first - 1]
+        driven_s = self.driven_s(LEANING_BLEND_SHARE * path_tolerance_mm)
+        self.joint_s = driven_s if run.turns else None
         units = machine.control.units
         self.notes = ("SOLVED FOR THE ZERO AT MACHINE " + " ".join(
             f"{letter}{value / MM[units]:.4f}" for letter, value in zip("XYZ", machine.wcs_origin_mm))
             + f" AND A TOOL OF {run.length_mm / MM[units]:.4f} {units.upper()}; WITH ANY OTHER IT CUTS ELSEWHERE",
-            f"ABOUT {self.driven_s(LEANING_BLEND_SHARE * path_tolerance_mm):.0f} S FROM BLOCK TO BLOCK")
+            f"ABOUT {driven_s:.0f} S FROM BLOCK TO BLOCK")
 
     def driven_s(self, blend_mm):
         """How long the control takes, with this P of G64."""

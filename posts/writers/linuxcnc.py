@@ -57,7 +57,7 @@ class _LinuxCNC(Dialect):
     point, end, knows_rotaries, holds_beside = "", "M2", True, True
     knows_radii = True
     variables = Variables(arguments=tuple(range(1, 31)), locals=tuple(range(1, 31)), deepest_brackets=100)
-    tip_controls, tip_rapid = tuple(TIP), "G1"
+    tip_controls, tip_rapid, tip_blend_share = tuple(TIP), "G1", LEANING_BLEND_SHARE
     cycle_words = {"drill": "G81", "dwell": "G82", "peck": "G83", "chip_break": "G73", "ream": "G85"}
 
     def head(self, writer, program, file_number):

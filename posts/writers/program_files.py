@@ -61,6 +61,7 @@ class Dialect(ABC):
     writes: type[Writer] = Writer           # how moves become its words
     knows_swivel = False                    # whether it writes Control.swivel_record and feed_parameters
     tip_rapid = "G0"                        # under tool-centre-point control; G1 where rapids do not heed the joints' speeds
+    tip_blend_share = None                  # of the path tolerance, for P of G64 under it, where blends of blocks take time
 
     def writer(self, machine):
         """A Writer of this dialect."""
@@ -305,7 +306,7 @@ class _Files:
         if self.subs is not None and self.subs.templates and machine.control.arc_centres == "R":
             raise PostError(f"{machine.name}: sub-programs write arcs by their centres: leave out arc_centres, or write "
                             "sub_programs = false")
-        self.texts, self.arcs_as_lines, self.largest_rounding_mm = [], 0, 0.0
+        self.texts, self.arcs_as_lines, self.largest_rounding_mm, self.joint_s = [], 0, 0.0, {}
         foot = dialect.writer(machine)
         dialect.foot(foot)
         self.foot_bytes, self.foot_sub_blocks = (size([*foot.lines, *foot.tail], foot) for size in (_bytes, _sub_blocks))
@@ -330,13 +331,15 @@ class _Files:
         """All files."""
         self._close()
         return Posted(texts=tuple(self.texts), arcs_as_lines=self.arcs_as_lines,
-                      largest_rounding_mm=self.largest_rounding_mm)
+                      largest_rounding_mm=self.largest_rounding_mm, joint_s=self.joint_s)
 
     def add_moves(self, operation, number):
         """An operation move by move; where the store is full, a new file begins at the clearance height."""
         moves = operation.moves
         self._refuse_what_cannot_be_held(operation)
         laid = self._laid(operation)
+        if laid.joint_s is not None:
+            self.joint_s[number] = laid.joint_s
         if self.dialect.one_tool_a_file and self.writer.tool not in (None, operation.tool.number):
             self._close()
             self._open()
@@ -416,7 +419,8 @@ class _Files:
                 raise PostError(f"operation {operation.name}: the post {self.machine.control.post} states no times of blocks, "
                                 f'which joints need: write tip_control = "{self.dialect.tip_controls[0]}" into the machine file')
             return SolvedMoves(operation, self.machine)
-        return TipMoves(operation, self.machine, self.dialect.states_times)
+        share, control = self.dialect.tip_blend_share, self.machine.control
+        return TipMoves(operation, self.machine, self.dialect.states_times, share and share * control.path_tolerance_mm)
 
     def _enter(self, laid, first):
         """To where move `first` begins."""

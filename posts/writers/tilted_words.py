@@ -15,7 +15,7 @@ from cuspline.values.frames import Frame
 class TiltedMoves:
     """An operation whose axis leans and stands."""
 
-    is_tip = True
+    is_tip, joint_s = True, None
 
     def __init__(self, operation, machine, dialect):
         """

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from cuspline.posts.writers.joint_words import JointRun, turn_at_top
-from cuspline.program.joint_times import block_seconds
+from cuspline.program.joint_times import block_seconds, driven_seconds
 
 UNEVEN = 1.05               # within a block joints do not run evenly: so much slower than their speeds, from end to end
 ANY_MM = 1e6                # how far the joints' own way may leave the tip's line: the control does not go it
@@ -26,10 +26,11 @@ class TipMoves:
 
     is_tip = True
 
-    def __init__(self, operation, machine, states_times=True):
+    def __init__(self, operation, machine, states_times=True, blend_mm=None):
         """
         Args:
             states_times: the control takes the time of a block (G93).
+            blend_mm: P of G64 on LinuxCNC, whose blends take time; None: the control looks ahead.
         Raises:
             PostError: see joint_words.JointRun.
         """
@@ -43,8 +44,17 @@ class TipMoves:
         self.entry_mm_per_min = min(axis.rapid_mm_per_min for axis in machine.axes)
         self.start_mm, self.starts_mm = self.words_mm[0], self.words_mm[run.first - 1]
         self.turned_deg = run.degrees[run.first - 1]
+        driven_s = self.driven_s(blend_mm)
+        self.joint_s = driven_s if run.turns else None
         self.notes = ("TOOL-CENTRE-POINT CONTROL: ANY ZERO AND TOOL LENGTH WITHIN THE TRAVELS",
-                      f"ABOUT {self.seconds.sum():.0f} S FROM BLOCK TO BLOCK")
+                      f"ABOUT {driven_s:.0f} S FROM BLOCK TO BLOCK")
+
+    def driven_s(self, blend_mm):
+        """How long the control takes: LinuxCNC, with this P of G64, runs tip and rotaries as it runs joints; None: as is stated."""
+        if blend_mm is None:
+            return float(self.seconds.sum())
+        poses = np.column_stack([self.words_mm, self.run.joints[:, 3:]])
+        return float(driven_seconds(self.run.chain, poses, self.seconds[1:], blend_mm).sum())
 
     def begin(self, writer, first, dialect):
         """From the top of the machine, rotaries turned, to where move `first` begins."""

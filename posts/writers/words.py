@@ -5,7 +5,7 @@ a control would refuse are cut into chords.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -35,6 +35,7 @@ class Posted:
     texts: tuple[str, ...]      # one file, or a numbered set in the order in which it is run
     arcs_as_lines: int          # arcs that went out as G1 because the rounded block would be refused
     largest_rounding_mm: float  # largest distance of a rounded end point from the planned one
+    joint_s: dict = field(default_factory=dict)     # number of an operation (from 1) -> seconds, where rotaries turn in it
 
     @property
     def text(self):

@@ -7,14 +7,16 @@ xyzab_tdr_kins as the tool does, seen from the part.
 
 import numpy as np
 import pytest
-from known_machines import free_chain
+from known_machines import JUDGED, free_chain, random_joints
 
-from .linuxcnc import kinematics
+from cuspline.app.catalogue import find_machine
+
+from .linuxcnc import kinematics, spindles
 from .linuxcnc.kinematics import A, B, C
 
 pytestmark = pytest.mark.kinematics
 ROTATION, OFFSET, LENGTH = np.array([3.0, -4.0, 5.0]), np.array([12.0, 20.0, 10.0]), 50.0
-PIVOT = 250.0
+PIVOT = 230.0          # not the 250 with which the module begins
 POINTS = {"x-rot-point": 3.0, "y-rot-point": -4.0, "z-rot-point": 5.0}
 MM = 1e-9
 LINEAR = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
@@ -68,3 +70,13 @@ def test_linuxcnc_finds_the_tip_where_we_find_it(module, host):
     theirs = kinematics.poses_of(host, module, pins, given)
     tips, _ = chain.forward(joints, length)
     assert np.abs(theirs[:, :3] - [0, 0, length] - tips).max() < MM
+
+
+@pytest.mark.parametrize("name", JUDGED)
+def test_linuxcnc_puts_tip_and_axis_of_every_preset_where_our_chain_does(name, host):
+    machine = find_machine(name)
+    joints = random_joints(machine.kinematics, 500, seed=14)
+    degrees = {c: np.degrees(joints[:, 3 + k]) for k, c in enumerate(machine.rotaries)}
+    tips, axes = spindles.tool_in_part(host, machine, joints[:, :3], degrees, LENGTH)
+    ours = machine.kinematics.forward(joints, LENGTH)
+    assert np.abs(tips - ours[0]).max() < MM and np.abs(axes - ours[1]).max() < 1e-11

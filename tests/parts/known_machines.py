@@ -6,6 +6,7 @@ from cuspline.app.catalogue import find_machine
 from cuspline.shop.kinematics import Chain
 
 FIVE_AXIS = ("mill_head_head", "mill_table_table", "mill_head_table", "mill_a_on_b", "mill_trunnion_ac", "mill_head_table_bc")
+JUDGED = (*FIVE_AXIS[:-1], "mill_gantry_5axis")     # by kinematics of LinuxCNC's own, which has no head at 45 degrees
 
 
 def chain_of(name, **changed):

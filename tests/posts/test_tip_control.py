@@ -13,6 +13,7 @@ from known_tilted import (
     machine,
     off_lines,
     operation,
+    position,
     program,
     read,
     rolling,
@@ -84,6 +85,15 @@ def test_by_the_output_it_reads_the_same():
     assert "M428\n" in by_word and "M68 E3 Q1\nM66 E0 L0\n" in by_output and "M428" not in by_output
     one, other = read(machine("mill_trunnion_ac"), by_word), read(machine("mill_trunnion_ac"), by_output)
     assert len(one) == len(other) and np.nanmax(np.abs(one.end_mm - other.end_mm)) == 0
+
+
+@pytest.mark.parametrize("word", (None, "M428"))
+def test_the_post_says_how_long_the_joints_take_where_rotaries_turn(word):
+    """LinuxCNC brings every block with rotary words nearly to rest: several times what the tip's feed would take."""
+    made = linuxcnc.post(program(operation("rough", upright(), FLAT), operation("finish", rolling())), tip("mill_trunnion_ac", word))
+    noted = [int(n) for n in re.findall(r"ABOUT (\d+) S", made.text)]
+    assert set(made.joint_s) == {2} and noted == [round(made.joint_s[2])] and 6 < made.joint_s[2] < 9
+    assert linuxcnc.post(program(position(25.0, 70.0)), tip("mill_trunnion_ac", word)).joint_s == {}
 
 
 @pytest.mark.parametrize("name", ("mill_trunnion_ac", "mill_head_head"))

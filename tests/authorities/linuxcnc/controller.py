@@ -26,7 +26,7 @@ SERVO_PERIOD_S = 0.001
 NOBODY = "65534"
 LONGEST_RUN_S = 6 * 3600.0      # of the controller's time
 LONGEST_WAIT_S = 600.0          # of real time
-ENDLESS_DEG = 1e6
+ENDLESS_DEG = ENDLESS_MM = 1e6
 SAMPLER_ROWS = 32768            # 32 s of servo cycles
 NEEDED = ("/usr/bin/milltask", "/usr/bin/io", "/usr/bin/linuxcncsvr", "/usr/bin/halcmd", "/usr/bin/rtapi_app")
 
@@ -94,9 +94,11 @@ def home_mm(machine):
                      machine.z.max_mm])
 
 
-def drive(program_path, *, tool_lengths, work_offsets, machine):
+def drive(program_path, *, tool_lengths, work_offsets, machine, spindle=None):
     """Run a program on the controller.
 
+    Args:
+        spindle: spindles.Spindle, whose kinematics the program switches on by M68 E3; None: joints alone.
     Returns:
         ControllerRun; errors of the controller stand in it.
     Raises:
@@ -104,13 +106,15 @@ def drive(program_path, *, tool_lengths, work_offsets, machine):
     """
     with tempfile.TemporaryDirectory(prefix="controller.") as folder:
         folder = Path(folder)
-        _write_job(folder, program_path, tool_lengths, work_offsets, machine)
+        _write_job(folder, program_path, tool_lengths, work_offsets, machine, spindle)
         begin = time.monotonic()
         _run_session(folder)
         verdict = json.loads((folder / "verdict").read_text())
         samples = folder / "samples"
         columns = 4 + len(machine.rotaries)
         table = np.fromfile(samples).reshape(-1, columns) if samples.exists() else np.empty((0, columns))
+        if spindle:         # its joints are X Y Z and the rotaries by the alphabet
+            table = table[:, [0, 1, 2, *(3 + sorted(machine.rotaries).index(c) for c in machine.rotaries), columns - 1]]
     return _run_from(table, verdict, time.monotonic() - begin)
 
 
@@ -125,11 +129,11 @@ def _run_from(table, verdict, wall_s):
 
 # the configuration ----------------------------------------------------------------------------------
 
-def _write_job(folder, program_path, tool_lengths, work_offsets, machine):
+def _write_job(folder, program_path, tool_lengths, work_offsets, machine, spindle):
     shutil.copy(program_path, folder / "program.ngc")
     shutil.copy(HERE / "controller_session.py", folder)
-    (folder / "sim.ini").write_text(_ini(folder, machine))
-    (folder / "sim.hal").write_text(_hal(3 + len(machine.rotaries)))
+    (folder / "sim.ini").write_text(_ini(folder, machine, spindle))
+    (folder / "sim.hal").write_text(_hal(3 + len(machine.rotaries), spindle))
     write_tool_table(folder / "tool.tbl", tool_lengths)
     write_parameters(folder / "sim.var", work_offsets)
     job = {"folder": str(folder), "ini": str(folder / "sim.ini"), "hal": str(folder / "sim.hal"),
@@ -146,8 +150,10 @@ def _virtual_clock(folder):
     return library
 
 
-def _ini(folder, machine):
+def _ini(folder, machine, spindle):
     """The machine as LinuxCNC wants it; COMM_TIMEOUT so long that a busy computer aborts nothing."""
+    rotaries = sorted(machine.rotaries) if spindle else machine.rotaries
+    kinematics = f"{spindle.module}{spindle.first}" if spindle else f"trivkins coordinates={''.join(('X', 'Y', 'Z', *rotaries))}"
     diagonal_mm_per_s = math.hypot(*(axis.rapid_mm_per_min / 60 for axis in machine.axes))
     diagonal_mm_per_s2 = math.hypot(*(axis.acceleration_mm_per_s2 for axis in machine.axes))
     return f"""[EMC]
@@ -171,23 +177,25 @@ EMCIO = io
 CYCLE_TIME = 0.02
 TOOL_TABLE = {folder}/tool.tbl
 [KINS]
-KINEMATICS = trivkins coordinates={"".join(("X", "Y", "Z", *machine.rotaries))}
+KINEMATICS = {kinematics}
 JOINTS = {3 + len(machine.rotaries)}
 [TRAJ]
-COORDINATES = {" ".join(("X", "Y", "Z", *machine.rotaries))}
+COORDINATES = {" ".join(("X", "Y", "Z", *rotaries))}
 LINEAR_UNITS = mm
 ANGULAR_UNITS = degree
 DEFAULT_LINEAR_VELOCITY = {diagonal_mm_per_s}
 MAX_LINEAR_VELOCITY = {diagonal_mm_per_s}
 DEFAULT_LINEAR_ACCELERATION = {diagonal_mm_per_s2}
 MAX_LINEAR_ACCELERATION = {diagonal_mm_per_s2}
-""" + "".join(_axis_ini(*row) for row in zip("XYZ", range(3), machine.axes, home_mm(machine))) + "".join(
-        _rotary_ini(letter, 3 + k, getattr(machine, letter.lower())) for k, letter in enumerate(machine.rotaries))
+""" + "".join(_axis_ini(*row, ENDLESS_MM if spindle else 0.0)
+               for row in zip("XYZ", range(3), machine.axes, home_mm(machine))) + "".join(
+        _rotary_ini(letter, 3 + k, getattr(machine, letter.lower())) for k, letter in enumerate(rotaries))
 
 
-def _axis_ini(letter, joint, axis, home):
+def _axis_ini(letter, joint, axis, home, more):
+    """`more`: how far the tip may go beyond the joint's travel."""
     return _joint_ini(letter, joint, "LINEAR", home, (axis.min_mm, axis.max_mm), axis.rapid_mm_per_min / 60,
-                      axis.acceleration_mm_per_s2)
+                      axis.acceleration_mm_per_s2, more)
 
 
 def _rotary_ini(letter, joint, axis):
@@ -195,16 +203,16 @@ def _rotary_ini(letter, joint, axis):
     return _joint_ini(letter, joint, "ANGULAR", 0.0, limits, axis.rapid_deg_per_min / 60, axis.acceleration_deg_per_s2)
 
 
-def _joint_ini(letter, joint, type_, home, span, speed, acceleration):
-    limits = f"""MIN_LIMIT = {span[0]}
-MAX_LIMIT = {span[1]}
+def _joint_ini(letter, joint, type_, home, span, speed, acceleration, more=0.0):
+    limits = lambda more: f"""MIN_LIMIT = {span[0] - more}
+MAX_LIMIT = {span[1] + more}
 MAX_VELOCITY = {speed}
 MAX_ACCELERATION = {acceleration}
 """
     return f"""[AXIS_{letter}]
-{limits}[JOINT_{joint}]
+{limits(more)}[JOINT_{joint}]
 TYPE = {type_}
-{limits}HOME = {home}
+{limits(0.0)}HOME = {home}
 HOME_OFFSET = {home}
 HOME_SEARCH_VEL = 0
 HOME_LATCH_VEL = 0
@@ -214,7 +222,7 @@ MIN_FERROR = 10
 """
 
 
-def _hal(joints):
+def _hal(joints, spindle):
     """Ideal motors and tool changer; the sampler reads joints and line every servo cycle."""
     lines = ["loadrt [KINS]KINEMATICS",
              "loadrt [EMCMOT]EMCMOT servo_period_nsec=[EMCMOT]SERVO_PERIOD num_joints=[KINS]JOINTS",
@@ -228,7 +236,15 @@ def _hal(joints):
              "net enabled iocontrol.0.user-enable-out => iocontrol.0.emc-enable-in",
              "net prepare iocontrol.0.tool-prepare => iocontrol.0.tool-prepared",
              "net change iocontrol.0.tool-change => iocontrol.0.tool-changed"]
-    return "\n".join(lines) + "\n"
+    return "\n".join([*lines, *(_switch_hal(spindle) if spindle else ())]) + "\n"
+
+
+def _switch_hal(spindle):
+    """The module's points, the tool's length, and what switches it on."""
+    pins = {name: value for name, value in spindle.pins(0.0)[0].items() if name != "switch"}
+    return [*(f"setp {spindle.module}.{name} {value!r}" for name, value in pins.items()),
+            f"net tool-length motion.tooloffset.z => {spindle.module}.{spindle.length_pin}",
+            "net kinematics motion.analog-out-03 => motion.switchkins-type"]
 
 
 # the processes --------------------------------------------------------------------------------------

@@ -25,11 +25,26 @@ static double set_value(const char *name)
     return 0.0;
 }
 
+static int numbers;
+static double *number[64];
+static char *named[64];
+
 static int number_pin(double **at, const char *name)
 {
     *at = calloc(1, sizeof(double));
-    **at = set_value(name);
+    number[numbers] = *at;
+    named[numbers++] = strdup(name);
     return 0;
+}
+
+static void set_numbers(void)       /* once the module has set what it begins with */
+{
+    for (int k = 0; k < numbers; k++)
+        for (int n = 0; n < settings; n++) {
+            const char *last = strrchr(named[k], '.') ? strrchr(named[k], '.') + 1 : named[k];
+            size_t length = strlen(last);
+            if (!strncmp(setting[n], last, length) && setting[n][length] == '=') *number[k] = atof(setting[n] + length + 1);
+        }
 }
 
 static int other_pin(void **at) { *at = calloc(1, 16); return 0; }
@@ -74,6 +89,7 @@ int main(int count, char **words)
     int (*inverse)(const Pose *, double *, const unsigned long *, unsigned long *) = dlsym(module, "kinematicsInverse");
     int (*type)(void) = (int (*)(void))dlsym(module, "kinematicsType");    /* some modules set themselves up in it */
     if (!begin || !forward || !inverse || !type || begin() < 0 || type() < 0) { fprintf(stderr, "%s is no kinematics module\n", words[1]); return 1; }
+    set_numbers();
     int (*to)(int) = (int (*)(int))dlsym(module, "kinematicsSwitch");
     if (to && set_value("switch") > 0.0) to((int)set_value("switch"));
     char what[2];
