@@ -467,6 +467,7 @@ def _posted(order, plans, work, inputs):
               accepted=order.accepted, threads=order.design.threads, dimensions=order.design.dimensions,
               tabs=tuple(tab for p in plans for o in p.operations for tab in o.tabs),
               engravings=tuple(o.engraving for p in plans for o in p.operations if o.engraving is not None),
+              edge_breaks=tuple(o.edge_break for p in plans for o in p.operations if o.edge_break is not None),
               worn_mm={o.name.lower(): c.worn_mm for p in plans for o in p.operations for c in o.compensated},
               force=next((f for f in order.shop.forces if f.material == order.design.material), None),
               life=next((t for t in order.shop.lives if t.material == order.design.material), None))

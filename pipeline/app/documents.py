@@ -111,6 +111,18 @@ class TabRow(Document):
     ok: bool
 
 
+class EdgeBreakRow(Document):
+    """Edges that an operation was to break, as its posted moves break them."""
+
+    setup: str
+    operation: str
+    width_mm: float = Field(description="stated: the longer leg")
+    least_mm: float = Field(description="narrowest place that is broken")
+    most_mm: float
+    places: int = Field(description="along the edges, that were looked at")
+    ok: bool
+
+
 class CompensationRow(Document):
     """The walls again, cut by worn cutters whose radii, as measured, stand in their registers."""
 
@@ -123,6 +135,7 @@ class VerifyDocument(Figures):
     """verify.json: the verdict in numbers."""
 
     tabs: tuple[TabRow, ...] = Field(default=(), description="wanted left, no excess")
+    edge_breaks: tuple[EdgeBreakRow, ...] = Field(default=(), description="of edges that the solid has sharp")
     compensation: CompensationRow | None = Field(default=None, description="where the control shifts contours (G41)")
     dimensions: tuple[DimensionRow, ...] = Field(default=(), description="that the design states with limits")
 

@@ -32,6 +32,7 @@ from cuspline.values.findings import Finding, axes_upright, located
 from cuspline.values.input_files import refuse_irregular, sha256_of
 from cuspline.verification.body_clearance import body_findings
 from cuspline.verification.drilled_holes import drilled_points
+from cuspline.verification.edge_breaks import edge_break_findings
 from cuspline.verification.engraving import engraving_findings, raised
 from cuspline.verification.feeding import feeding_findings
 from cuspline.verification.file_checks import changed_files, changed_job, program_findings, tool_table_findings
@@ -65,6 +66,7 @@ class Judged:
     dimensions: tuple = ()                  # measuring.Measured, on the stock after all of them
     names: dict                             # of faces that setups cut -> their numbers in the solid
     tabs: tuple[dict, ...] = ()             # rows of tabs.standing_tabs
+    edge_breaks: tuple[dict, ...] = ()      # rows of edge_breaks.edge_break_findings
     worn: WornLook | None = None            # with worn cutters, where contours are shifted by the control
 
     @property
@@ -104,6 +106,7 @@ class Judged:
             row["accepted"] = row["kind"] in accepted
         sizes = {"dimensions": [m.as_dict() for m in self.dimensions]} if self.dimensions else {}
         sizes |= {"tabs": list(self.tabs)} if self.tabs else {}
+        sizes |= {"edge_breaks": list(self.edge_breaks)} if self.edge_breaks else {}
         sizes |= {} if self.worn is None else {"compensation": self.worn.as_dict()}
         return {**numbers, **sizes, "ok": not self.refused(accepted), "accepted": sorted(accepted), "findings": rows,
                 "regions": regions(self.verdict.setups, self.names)}
@@ -205,7 +208,7 @@ def begun(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
     """
     folder = Path(folder)
     tools, job = read_tools(folder), job.beside(folder)
-    extra = _file_findings(folder, job, tools, published)
+    extra, broken = _file_findings(folder, job, tools, published), []
     say(f"read {', '.join(job.program_names)}")
     read = tuple(read_programs(folder, job, tools))
     solid = _solid_in(folder / job.step)
@@ -216,9 +219,12 @@ def begun(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
     for program in read:
         setup = program.setup
         wanted = tuple(brep.named_faces(faces, job.predicates, setup.faces))
-        grooves = tuple(e for e in job.engravings if e.setup == setup.name)
+        grooves, breaks = (tuple(e for e in told if e.setup == setup.name) for told in (job.engravings, job.edge_breaks))
         extra += engraving_findings(program.posted, setup, grooves, tools)
-        posted = raised(program.posted, grooves) if grooves else program.posted
+        table, found = edge_break_findings(program.posted, setup, breaks, faces, tools, job.finish.gouge_mm)
+        broken, extra = [*broken, *table], [*extra, *found]
+        rises = (*((e.operation, e.depth_mm) for e in grooves), *((e.operation, e.high_mm) for e in breaks))
+        posted = raised(program.posted, rises) if rises else program.posted
         programs.append(SetupProgram(posted=posted, setup=setup, faces=wanted,
                                      fixtures=(*_fixtures(setup), *_bodies(program, job.machine)),
                                      left=(*(t for t in job.tabs if t.setup == setup.name),
@@ -232,7 +238,7 @@ def begun(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
                       material=job.material, force=job.force or force_of(job.material), life=job.life or life_of(job.material),
                       ball_radius_mm=job.smallest_ball_radius_mm, kept=kept)
     return Begun(folder=folder, job=job, solid=solid, read=read, programs=tuple(programs), extra=tuple(extra),
-                 first=first_look(programs, solid, judging), tools=tools)
+                 first=first_look(programs, solid, judging), tools=tools, broken=tuple(broken))
 
 
 def _solid_in(path):
@@ -261,6 +267,7 @@ class Begun:
     extra: tuple[Finding, ...]              # about the programs as files
     first: FirstLook
     tools: dict                             # number -> Tool, as they are
+    broken: tuple[dict, ...] = ()           # rows of edge_breaks.edge_break_findings
 
     def judged(self):
         """Judged: the verdict, once all verifiers have looked."""
@@ -279,7 +286,7 @@ class Begun:
                  *tab_findings(tabs))
         return Judged(verdict=Verdict(setups=setups), solid=self.solid, programs=self.programs, tools=judging.tools,
                       extra=extra, stock=self.job.stock, read=self.read, dimensions=sizes, names=self._names,
-                      worn=worn, tabs=tabs)
+                      worn=worn, tabs=tabs, edge_breaks=self.broken)
 
     def _worn(self, kinds):
         """WornLook where the control shifts contours, None where it shifts none; `kinds`: of finding that there are anyway."""
@@ -303,7 +310,7 @@ class Begun:
 
     def _placed(self, findings, program):
         """Of one program, those that the text alone shows before."""
-        engraved = {e.operation.lower() for e in self.job.engravings if e.setup == program.setup.name}
+        engraved = {e.operation.lower() for e in (*self.job.engravings, *self.job.edge_breaks) if e.setup == program.setup.name}
         mine = (*program.findings, *_cutting(findings, program.posted, self.tools, engraved))
         return _placed(mine, program, self.job.machine, self.tools)
 
@@ -326,8 +333,8 @@ class Drafted:
 
 
 def _cutting(findings, posted, tools, engraved):
-    """Findings without what is said of taps, thread mills and raised engravers as if they cut so: verification.threads, and
-    verification.engraving, look at them.   engraved: names of operations."""
+    """Findings without what is said of taps, thread mills and what is raised as if they cut so: verification.threads,
+    verification.engraving and verification.edge_breaks look at them.   engraved: names of operations."""
     last = lambda row: np.flatnonzero(posted.operation == posted.operation[row])[-1]        # the first still has the tool before
     is_other = lambda f: ((number := int(posted.tool[last(f.row)])) in tools and tools[number].cutter.threads
                           or posted.operation_name(f.row) in engraved)

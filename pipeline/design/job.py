@@ -12,6 +12,7 @@ from pydantic import Field, model_serializer
 
 from cuspline.design import FacePredicate, Finish, Setup
 from cuspline.design.dimensions import Dimension
+from cuspline.design.edge_breaks import EdgeBreak
 from cuspline.design.engravings import Engraving
 from cuspline.design.fixtures import fixtures_beside
 from cuspline.design.setup_alignment import refixtured_setups
@@ -27,7 +28,7 @@ from cuspline.values.errors import InputError
 from cuspline.values.input_files import checked, json_of
 from cuspline.values.models import FileName, Model, WrittenName
 
-OPTIONAL = ("threads", "dimensions", "tabs", "engravings", "worn_mm", "force", "life")
+OPTIONAL = ("threads", "dimensions", "tabs", "engravings", "edge_breaks", "worn_mm", "force", "life")
 HEADER_DIGITS = 20          # of a job's SHA-256 in a program's header: a line of 40 characters holds it
 
 
@@ -62,6 +63,7 @@ class Job(Model):
     dimensions: tuple[Dimension, ...] = Field(default=(), description="with tolerances, judged on the simulated stock")
     tabs: tuple[Tab, ...] = Field(default=(), description="that contours leave")
     engravings: tuple[Engraving, ...] = Field(default=(), description="grooves that the solid does not have")
+    edge_breaks: tuple[EdgeBreak, ...] = Field(default=(), description="edges broken that the solid has sharp")
     worn_mm: dict[str, float] = Field(default={}, description="by which radii in D registers may be smaller than the cutters', by "
                                       "the names of operations whose contours the control shifts")
     force: CuttingForce | None = Field(default=None, description="the shop's own of the material; None: what cuspline knows of it")

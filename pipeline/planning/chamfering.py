@@ -141,7 +141,7 @@ def _way(work, chain, edges):
                  "tip_below_mm", faces)
 
 
-def _cone_mm(cutter, high_mm):
+def cone_mm(cutter, high_mm):
     """Radius of a cutter's cone so high above its tip."""
     tip = (cutter.tip_diameter_mm or 0.0) / 2
     return tip + high_mm * fixed.tan(math.radians(cutter.point_angle_deg) / 2)
@@ -153,7 +153,7 @@ def _along(work, tool, chain, heights, faces):
     room, wish = cutter.point_height_mm - (high - low) - WITHIN_MM, work.operation.tip_below_mm
     for below in ((BELOW_SHARE * room, 0.1 * room, 0.02 * room) if wish is None else (min(wish, room),)):
         try:
-            path = offset_chain(chain, _cone_mm(cutter, below))
+            path = offset_chain(chain, cone_mm(cutter, below))
         except CutterDoesNotFit:
             continue
         if is_clear(work, cutter, path.places(LOOK_MM), low - below):
@@ -176,7 +176,7 @@ def is_clear(work, cutter, xy_mm, tip_mm):
     """Whether no part stands within a pointed cutter at places (n, 2): its cone as discs, dropped."""
     for share in DISCS.tolist():
         high = share * cutter.point_height_mm
-        radius = _cone_mm(cutter, high) - WITHIN_MM
+        radius = cone_mm(cutter, high) - WITHIN_MM
         if radius > WITHIN_MM and (work.dropper(radius, 0.0, 0.0).tips_mm(xy_mm) > tip_mm + high + HIGH_MM).any():
             return False
     return True
@@ -212,7 +212,7 @@ def _moves(work, way, feed):
 def _leads(work, way):
     """(elements, Leads) so far beside the edge that the cone comes down beside what it cuts."""
     cutter, path = way.tool.cutter, way.path
-    wide = _cone_mm(cutter, way.high_mm - way.tip_mm) - _cone_mm(cutter, 0.0) + MARGIN_MM
+    wide = cone_mm(cutter, way.high_mm - way.tip_mm) - cone_mm(cutter, 0.0) + MARGIN_MM
     radius = max(work.lead_radius_mm(cutter.radius_mm), wide)
     for along in path.starts_mm()[:STARTS if path.is_closed else 1]:
         elements = path.begun_at(along).elements if path.is_closed else lengthened(path, cutter.diameter_mm)

@@ -72,6 +72,7 @@ class PlannedOperation:
     cycles: tuple = ()          # drilling.DrillCycle that come to some of the moves
     tabs: tuple = ()            # design.tabs.Tab that it leaves
     engraving: object = None    # design.engravings.Engraving that it cuts
+    edge_break: object = None   # design.edge_breaks.EdgeBreak that it leaves
     compensated: tuple = ()     # compensation.CompensatedContour that come to some of the moves
     passes: object = None       # pass_templates.TemplatedPasses that come to the moves; None: only the moves
     left: object = None         # Left; None: it cuts all that its cutter reaches

@@ -98,7 +98,7 @@ def edge_sines(faces, pair):
     sines, cosines, points = np.empty(ALONG_EDGE), np.empty(ALONG_EDGE), np.empty((ALONG_EDGE, 3))
     point, tangent = gp_Pnt(), gp_Vec()
     for k, t in enumerate(parameters.tolist()):
-        n1, n2 = (_normal_on(faces[index], edge, t) for index, edge in pair)
+        n1, n2 = (normal_on_edge(faces[index], edge, t) for index, edge in pair)
         curve.D1(t, point, tangent)
         along = np.array([tangent.X(), tangent.Y(), tangent.Z()])
         along *= turn / max(fixed.length(along), 1e-300)
@@ -124,7 +124,7 @@ def _inner_edge(faces, pair):
                      opening_deg=float(180.0 - np.degrees(angle[k])), length_mm=float(length))
 
 
-def _normal_on(face, edge, parameter):
+def normal_on_edge(face, edge, parameter):
     """Outward normal of the face at a parameter of one of its edges."""
     pcurve = BRep_Tool.CurveOnSurface_s(edge, face.shape, 0.0, 0.0)
     uv = pcurve.Value(parameter)

@@ -57,6 +57,14 @@ KINDS = {
             "a line, or a part of one, that is not engraved",
             "A letter's moves were deleted.",
             'Put the moves back, or take the line out of the operation.'),
+        "edge_break_width": (
+            "a broken edge that is wider or narrower than stated",
+            "`Deburr(width_mm=0.2)`, and a tip 0.05 mm lower, or a cutter worn by as much.",
+            "Correct the height of the moves or the tool's measures; the width may be off by the finish's `profile_tolerance_mm`."),
+        "edge_break_missing": (
+            "an edge, or a part of one, that was to be broken and is sharp",
+            "The moves of `Deburr` along one edge were deleted.",
+            "Put the moves back, or leave the edges out of the operation."),
         "out_of_tolerance": (
             "a dimension of the design is out of its limits on the simulated stock",
             "The design states `Diameter(faces=\"bore\", fit=\"H7\")` for 20 mm, and the bore's path leaves 20.03.",

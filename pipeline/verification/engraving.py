@@ -41,11 +41,15 @@ class _Line:
         return best, over
 
 
-def raised(posted, engravings):
-    """PostedMoves with the moves of engravings higher by their depth: their tip runs on the face."""
+def raised(posted, rises):
+    """PostedMoves with the moves of some operations higher: of engravings by their depth, so that the tip runs on the face.
+
+    Args:
+        rises: [(name of an operation, mm)].
+    """
     by = np.zeros(len(posted))
-    for one in engravings:
-        by[_rows(posted, one)] = one.depth_mm
+    for name, mm in rises:
+        by[rows_of(posted, name)] = mm
     up = by[:, None] * np.array([0.0, 0.0, 1.0])
     return replace(posted, start_mm=posted.start_mm + up, end_mm=posted.end_mm + up, center_mm=posted.center_mm + up)
 
@@ -61,14 +65,14 @@ def engraving_findings(posted, setup, engravings, tools):
     return tuple(f for one in engravings for f in _found(posted, setup, one, tools, report))
 
 
-def _rows(posted, one):
-    """Numbers of the moves of an engraving's operation."""
-    names = [k for k, name in enumerate(posted.operations) if name == one.operation.lower()]
+def rows_of(posted, operation):
+    """Numbers of the moves of an operation, by its name."""
+    names = [k for k, name in enumerate(posted.operations) if name == operation.lower()]
     return np.flatnonzero(np.isin(posted.operation, names))
 
 
 def _found(posted, setup, one, tools, report):
-    line, rows = _line_of(one, setup.frame), _rows(posted, one)
+    line, rows = _line_of(one, setup.frame), rows_of(posted, one.operation)
     rows = rows[posted.kind[rows] != Kind.RAPID]
     places, row = _places(posted, rows)
     in_face = places[:, 2] < line.places[:, 2].max() + one.depth_mm - one.within_mm
