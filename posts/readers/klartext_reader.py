@@ -6,7 +6,7 @@ the end of their block; M0 and M1 stop spindle and coolant, STOP alone does not;
 neither preset, datum shift nor tool length; preset 1 stands for G54, 6 for G59; IPA and DR have one sign.  CC says by its axes in
 which main plane circles run, DR is the mathematical sense there: from X to Y, from Y to Z, from Z to X (angle reference axis).
 Cycle 207 taps with the spindle tied to the feed: Q239 above 0 is right-hand, then to the set-up clearance Q200 and the second one
-Q204, both over Q203.  A circle whose radii differ by more than 0.005 mm is refused (circleDeviation).
+Q204, both over Q203 (drilling: klartext_drilling).  A circle whose radii differ by more than 0.005 mm is refused (circleDeviation).
 FUNCTION TCPM ties X Y Z to the tip, its F TCP is the feed there; PLANE SPATIAL turns about the part's Z, the new Y and the new X by
 SPC, SPB and SPA, and PLANE RESET STAY ends it where the axes stand.
 """
@@ -18,6 +18,7 @@ import numpy as np
 
 from cuspline.posts.readers.cutter_compensation import Compensation
 from cuspline.posts.readers.klartext_blocks import blocks_of, number, path_words
+from cuspline.posts.readers.klartext_drilling import NEEDED, checked, drilled
 from cuspline.posts.readers.klartext_tools import read_tool_table
 from cuspline.posts.readers.rs274_arcs import CLOSE_BOUNDS
 from cuspline.posts.readers.rs274_blocks import refusal
@@ -132,6 +133,7 @@ class _Tnc:
         self.controller, self.name = controller, None
         self.pole, self.plane = None, Plane.XY      # {"X": place, ...} of the last CC, and the plane of its axes
         self.tapping = {}               # Q parameters of cycle 207, where it was the last that CYCL CALL may run
+        self.drilling = ()              # (cycle, Q parameters) of 200, 201 or 203, where it was the last
         self.shifts = set()             # axes whose datum shift has been taken back since cycle 7 began
 
     def executed(self, blocks):
@@ -153,7 +155,7 @@ class _Tnc:
             raise Complaint("text before BEGIN PGM" if self.name is None else "a second BEGIN PGM",
                             "begin with BEGIN PGM, a name and MM or INCH, once")
         other = {"BEGIN PGM": self._begin, "END PGM": self._end, "BLK FORM 0.1": self._drawn, "BLK FORM 0.2": self._drawn,
-                 "TOOL CALL": self._call, "TOOL DEF": self._drawn, "CYCL DEF": self._cycle, "CYCL CALL": self._tap,
+                 "TOOL CALL": self._call, "TOOL DEF": self._drawn, "CYCL DEF": self._cycle, "CYCL CALL": self._called,
                  "CC": self._center, "FUNCTION TCPM": self._tip_on, "FUNCTION RESET TCPM": self._tip_off,
                  "PLANE SPATIAL": self._tilt, "PLANE RESET": self._upright}.get(kind)
         return other(rest) if other else self._moves(kind, path_words(rest))
@@ -196,6 +198,9 @@ class _Tnc:
             return self._preset(words)
         if cycle == "207":
             return self._define_taps(words)
+        if cycle in NEEDED:
+            self.tapping, self.drilling = {}, (cycle, checked(cycle, _parameters(words)))
+            return [()]
         if cycle.startswith("7."):
             return self._shift(int(cycle[2:]) if cycle[2:].isdigit() else -1, words)
         if cycle == "32.1":
@@ -209,23 +214,29 @@ class _Tnc:
                 raise Complaint("cycle 9.1 without its time", "write CYCL DEF 9.1 DWELL and the seconds")
             return [(("g", 4.0), ("p", number(words[-1])))]
         raise Complaint(f"cycle {cycle or 'without a number'}",
-                        "known are 7 (all zero), 9, 32, 207 and 247: write other cycles out as moves")
+                        "known are 7 (all zero), 9, 32, 200, 201, 203, 207 and 247: write other cycles out as moves")
 
     def _define_taps(self, words):
-        found = [re.fullmatch(r"(Q\d+)=(.*)", word) for word in words]
-        given = {m[1]: number(m[2]) for m in found if m and _is_number(m[2])}
+        given = _parameters(words)
         if given.keys() != TAP_WORDS or not (given["Q200"] > 0 > given["Q201"] and given["Q239"]):
             raise Complaint("cycle 207 without all of its parameters, or with one that makes no sense",
                             "write Q200 above 0, Q201 below 0, Q239, Q203 and Q204")
-        self.tapping = given
+        self.tapping, self.drilling = given, ()
         return [()]
 
-    def _tap(self, rest):
-        """Cycle 207 where the tool stands: to the set-up clearance, down and back by the pitch, to the second one."""
-        if not self.tapping or rest:
-            raise Complaint("CYCL CALL without cycle 207 before it, or with other words",
-                            "define the cycle, then write CYCL CALL alone")
-        q = self.tapping
+    def _called(self, rest):
+        """The cycle that was defined last, where the tool stands."""
+        if not (self.tapping or self.drilling) or rest:
+            raise Complaint("CYCL CALL without a cycle before it, or with other words",
+                            "define cycle 200, 201, 203 or 207, then write CYCL CALL alone")
+        if self.controller.is_tip:
+            raise Complaint("CYCL CALL under FUNCTION TCPM or in a tilted plane", "drill there move by move")
+        if self.drilling:
+            return drilled(*self.drilling, self.controller.tip[2] / self.controller.length_unit_mm())
+        return self._tap(self.tapping)
+
+    def _tap(self, q):
+        """Cycle 207: to the set-up clearance, down and back by the pitch, to the second one."""
         low, high = q["Q203"] + q["Q200"], q["Q203"] + max(q["Q204"], q["Q200"])
         if self.controller.tip[2] < low * self.controller.length_unit_mm() - BELOW_MM:
             raise Complaint("cycle 207 is called below its set-up clearance", "go up before CYCL CALL")
@@ -383,6 +394,12 @@ def _space_frame(a, b, c):
     """Frame turned about the fixed X, Y and Z by a, b and c degrees: the same as about Z, the new Y and the new X by c, b and a."""
     turns = [turned_about(axis, degrees) for axis, degrees in enumerate((a, b, c))]
     return Frame(rotation=fixed.matmul(turns[2], fixed.matmul(turns[1], turns[0])), origin_mm=np.zeros(3))
+
+
+def _parameters(words):
+    """{Q parameter: number} of a cycle's words; without those that are none."""
+    found = [re.fullmatch(r"(Q\d+)=(.*)", word) for word in words]
+    return {m[1]: number(m[2]) for m in found if m and _is_number(m[2])}
 
 
 def _is_number(text):

@@ -12,6 +12,7 @@ NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)"
 HEADER = re.compile(r"%_N_\w+_(MPF|SPF)|%")
 MESSAGE = re.compile(r'MSG\s*\(\s*("[^"]*")?\s*\)')
 SWIVEL = re.compile(r'CYCLE800\s*\(([^()]*)\)')
+DRILLING = re.compile(r"(CYCLE8[1235])\s*\(([^()]*)\)")
 NAMED = re.compile(rf'([A-Z]+\d*)\s*=\s*(?:({NUMBER})|"([^"]*)")(?![\w.(])')
 COMPUTED = re.compile(r"([A-Z]+\d*)\s*=\s*([-+*/(). R\d]*R\d[-+*/(). R\d]*)")
 WORD = re.compile(rf"([A-Z])\s*({NUMBER})(?!\s*=)")
@@ -28,6 +29,7 @@ class Said(NamedTuple):
     values: dict = {}           # letter or name -> number
     keywords: tuple = ()
     swivel: tuple = ()          # what stands in the brackets of CYCLE800, a keyword
+    drilling: tuple = ()        # (name, numbers in its brackets, None where one is left out) of CYCLE81, 82, 83, 85
 
 
 def blocks_of(text):
@@ -63,7 +65,7 @@ def _split(line):
 
 
 def _said(code, registers):
-    codes, values, keywords, swivel, at = [], {}, [], (), 0
+    codes, values, keywords, swivel, drilling, at = [], {}, [], (), (), 0
     while at < len(code):
         if code[at].isspace():
             at += 1
@@ -73,6 +75,8 @@ def _said(code, registers):
         elif found := SWIVEL.match(code, at):
             keywords.append("CYCLE800")
             swivel = tuple(part.strip() for part in found[1].split(",")) if found[1].strip() else ()
+        elif found := DRILLING.match(code, at):
+            drilling = found[1], tuple(registers.value(t) if t.strip() else None for t in found[2].split(","))
         elif found := COMPUTED.match(code, at):
             _put(values, found[1], registers.value(found[2]))
         elif found := NAMED.match(code, at):
@@ -93,7 +97,9 @@ def _said(code, registers):
         at = found.end()
     if "CYCLE800" in keywords and (codes or values or len(keywords) > 1):
         raise Complaint("CYCLE800 beside other words", "give it a block of its own")
-    return Said(tuple(codes), values, tuple(keywords), swivel)
+    if drilling and (codes or values or keywords):
+        raise Complaint(f"{drilling[0]} beside other words", "give it a block of its own, without MCALL")
+    return Said(tuple(codes), values, tuple(keywords), swivel, drilling)
 
 
 def _put(values, name, value):

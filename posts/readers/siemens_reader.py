@@ -4,7 +4,8 @@ It knows nothing of any post.  What it does not know it refuses, with the line a
 Programming Manual: D takes the length of the tool in the spindle; SUPA leaves frames out, not the tool length; TRANS without axes
 takes back programmed frames; TURN counts whole turns beside the arc; CTOL bounds what G642 rounds, ADIS what G641 does, G60 stops
 exactly, G64 leaves it to the machine data; G331 goes down by K a turn of a spindle that SPOS has positioned, above 0 right-hand,
-G332 back by the same K; a circle's radii may differ by MD21000 (0.01 mm) or MD21010 (a thousandth).
+G332 back by the same K; drilling cycles are run where they stand (siemens_drilling); a circle's radii may differ by MD21000
+(0.01 mm) or MD21010 (a thousandth).
 """
 
 from math import inf, nan
@@ -19,6 +20,7 @@ from cuspline.posts.readers.rs274_modes import UNSAID, Rules
 from cuspline.posts.readers.rs274_reader import Controller
 from cuspline.posts.readers.siemens_blocks import blocks_of
 from cuspline.posts.readers.siemens_circles import arc_through
+from cuspline.posts.readers.siemens_drilling import drilled
 from cuspline.posts.readers.siemens_swivel import refuse_other_side, swivelled
 from cuspline.posts.readers.siemens_tools import read_tool_table
 
@@ -153,6 +155,8 @@ class _Channel:
             return self._swivel(said.swivel)
         if "TRAORI" in said.keywords and self.controller.tilted is not None:
             raise Complaint("TRAORI in a frame of CYCLE800", "write CYCLE800() before")
+        if said.drilling:
+            return self._drill(*said.drilling)
         values, names = dict(said.values), [f"{letter}{number:g}" for letter, number in said.codes]
         if "G4" in names and ("S" in values or "F" not in values):
             raise Complaint("a dwell without its time", "write G4 F and seconds in a block of its own")
@@ -193,6 +197,16 @@ class _Channel:
         refuse_other_side(controller.chain, controller.turned, frame, side)
         controller.asked_plane = frame
         return [(("g", 49.0),), (("g", 53.1),), own]
+
+    def _drill(self, name, numbers):
+        """One hole where the tool stands; the motion that was in force is again behind it."""
+        controller = self.controller
+        if controller.plane != 0 or controller.is_tip or not controller.is_absolute or controller.motion not in ("G0", "G1"):
+            raise Complaint(f"{name} outside of G17 and G90, under TRAORI, or behind an arc",
+                            "write G17, G90 and G0 before")
+        unit = controller.length_unit_mm()
+        way = drilled(name, numbers, controller.tip[2] / unit, controller.feed / unit)
+        return [*way, (("g", 1.0),)] if controller.motion == "G1" else way
 
     def _code(self, letter, number, name):
         if name in SAME or name in self.controller.own_coolants:

@@ -1,8 +1,11 @@
 """Drilled holes as canned cycles: G98 G81 X Y Z R F, then X Y a hole, then G80; or move by move where a control has none.
 
 G98 leads back to where the first cycle began, G99 to R; all words of a cycle stay in force until G80.  Tapped holes have no
-moves of their own to go out as: G84 and G74, or what the control has in their place.
+moves of their own to go out as: G84 and G74, or what the control has in their place.  Controls with calls of their own
+(CYCLE81, cycle 200) get one a hole, where the tool stands over it.
 """
+
+import numpy as np
 
 from cuspline.posts.writers.joint_words import PlainMoves
 from cuspline.program.program import Kind
@@ -21,7 +24,9 @@ class DrilledMoves(PlainMoves):
         for k, cycle in enumerate(self.cycles):
             super().write(writer, at, cycle.first, dialect)
             is_tap = cycle.kind == "tap"
-            if cycle.word not in dialect.cycle_words or not (self.has_cycles or is_tap):
+            if self.has_cycles and not is_tap and self._called(writer, cycle, dialect):
+                pass
+            elif cycle.word not in dialect.cycle_words or not (self.has_cycles or is_tap):
                 (self._tapped if is_tap else self._spelled_out)(writer, cycle, dialect)
             else:
                 if is_tap and not (k and at == cycle.first):
@@ -31,6 +36,24 @@ class DrilledMoves(PlainMoves):
                     self._leave(writer, cycle)
             at = cycle.end
         super().write(writer, at, end, dialect)
+
+    def _called(self, writer, cycle, dialect):
+        """Over the hole, and the control's own call of its cycle there; whether it has one."""
+        if not dialect.has_drilling:
+            return False
+        feeds = cycle.first + (self.moves.kind[cycle.first:cycle.end] == Kind.RAPID).argmin()
+        starts = np.vstack([self.start_mm, self.moves.end_mm])
+        over = [k for k in range(cycle.first, int(feeds)) if (starts[k, :2] != self.moves.end_mm[k, :2]).any()]
+        if not dialect.drills(cycle):
+            return False
+        if over:
+            super().write(writer, over[0], over[-1] + 1, dialect)
+        end_mm = self.moves.end_mm[cycle.end - 1]
+        dialect.drill(writer, cycle, float(end_mm[2]))
+        writer.count_rounding((*cycle.xy_mm, cycle.bottom_z_mm))
+        writer.words(end_mm)
+        writer.here_mm, writer.motion = end_mm, None
+        return True
 
     def _spelled_out(self, writer, cycle, dialect):
         """The cycle's moves, and its dwell behind the last that feeds."""

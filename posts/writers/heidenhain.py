@@ -19,8 +19,9 @@ import re
 
 import numpy as np
 
-from cuspline.posts.writers.program_files import Dialect, posted, spindle_word
+from cuspline.posts.writers.program_files import SET_UP_MM, Dialect, posted, spindle_word
 from cuspline.posts.writers.words import ARC_RADIUS_MISMATCH_MM, INCH_MM, Writer, behind_semicolon
+from cuspline.program.drilling import CLEARANCE_MM, PECKS
 from cuspline.program.program import Kind, Plane
 from cuspline.values import fixed_math as fixed
 
@@ -32,7 +33,6 @@ UNIT_WORD = {"mm": "MM", "inch": "INCH"}
 ANGLE_DECIMALS = 4
 HALF_ANGLE_RAD = math.radians(0.5e-4)     # half a step of the last one
 TOLERANCE_DECIMALS = 5
-SET_UP_MM = 1.0             # over the surface that cycle 207 is told of
 LEAST_SIDE_MM = 1.0         # of BLK FORM, which the control draws and nothing else
 TABLE = (("T", 8), ("NAME", 32), ("L", 14), ("R", 14), ("R2", 14), ("DL", 8), ("DR", 8))
 comment = behind_semicolon
@@ -77,6 +77,7 @@ class _Blocks(Writer):
 
     number_bytes = 8
     name, rpm, pole = "", None, None        # of the program; the spindle's; CC as last written
+    cycle = None                            # (number, rows) of the drilling cycle that is defined
 
     def number(self, value, decimals):
         """A number with its sign.
@@ -163,6 +164,7 @@ class _Heidenhain(Dialect):
 
     point, end, comment, writes, work_offsets = "", "M30", staticmethod(comment), _Blocks, tuple(PRESETS)
     knows_rotaries, tip_controls, has_planes, states_times = True, ("TCPM",), True, False
+    has_drilling = True
 
     def head(self, writer, program, file_number):
         """Name and unit, comments, the blank for the control's picture, then a known state."""
@@ -229,7 +231,7 @@ class _Heidenhain(Dialect):
             writer.rpm = rpm
         writer.block(spindle_word(operation))
         self.cool(writer, operation)
-        writer.feed = None
+        writer.feed = writer.cycle = None
 
     def turn_at(self, writer, rpm):
         word = f"S{rpm:.0f}"
@@ -248,7 +250,19 @@ class _Heidenhain(Dialect):
         for k, (name, value, what) in enumerate(rows, 1):
             writer.block(f"  {name}={writer.length(value, TOLERANCE_DECIMALS)} ;{what}" + ("" if k == len(rows) else " ~"))
         writer.block("CYCL CALL")
+        writer.cycle = None
         writer.words((*cycle.xy_mm, top_z_mm), (2,))
+
+    def drill(self, writer, cycle, top_z_mm):
+        """Cycle 200, 201 or 203, defined where it is not that of the hole before, and its call where the tool stands."""
+        number, name, rows = _cycle_rows(writer, cycle, top_z_mm)
+        if (number, rows) != writer.cycle:
+            writer.block(f"CYCL DEF {number} {name} ~")
+            for k, (q, text, what) in enumerate(rows, 1):
+                writer.block(f"  {q}={text} ;{what}" + ("" if k == len(rows) else " ~"))
+            writer.cycle = number, rows
+        writer.block("CYCL CALL")
+        writer.feed = None
 
     def compensation(self, writer, number, is_on):
         """The radius is the called tool's."""
@@ -272,6 +286,27 @@ class _Heidenhain(Dialect):
             out.append(f"{number} {line}")
             number += 1
         return out
+
+
+def _cycle_rows(writer, cycle, top_z_mm):
+    """(number, name, [(parameter, text, what it is)]) of the cycle that makes a hole."""
+    surface = cycle.retract_z_mm - SET_UP_MM
+    whole = surface - cycle.bottom_z_mm
+    length = lambda mm: writer.length(mm, max(TOLERANCE_DECIMALS, writer.machine.control.decimals))
+    head = [("Q200", length(SET_UP_MM), "SET-UP CLEARANCE"), ("Q201", length(-whole), "DEPTH"),
+            ("Q206", writer.feed_text(cycle.feed_mm_per_min), "FEED RATE FOR PLUNGING")]
+    seconds, planes = ("Q211", f"{cycle.dwell_s:.3f}", "DWELL TIME AT DEPTH"), [
+        ("Q203", length(surface), "SURFACE COORDINATE"), ("Q204", length(top_z_mm - surface), "2ND SET-UP CLEARANCE")]
+    if cycle.kind == "ream":
+        return "201", "REAMING", [*head, seconds, ("Q208", "0", "RETRACTION FEED RATE"), *planes]
+    stroke = ("Q202", length(cycle.peck_mm if cycle.kind in PECKS else whole), "PLUNGING DEPTH")
+    head, tip = [*head, stroke, ("Q210", "0", "DWELL TIME AT TOP"), *planes], ("Q395", "0", "DEPTH REFERENCE")
+    if cycle.kind != "chip_break":
+        return "200", "DRILLING", [*head, seconds, tip]
+    breaks = math.ceil(whole / cycle.peck_mm)
+    return "203", "UNIVERSAL DRILLING", [
+        *head, ("Q212", "0", "DECREMENT"), ("Q213", str(breaks), "NR OF BREAKS"), ("Q205", "0", "MIN. PLUNGING DEPTH"), seconds,
+        ("Q208", "99999", "RETRACTION FEED RATE"), ("Q256", length(CLEARANCE_MM), "DIST. FOR CHIP BRKNG"), tip]
 
 
 def _drawn_mm(program):

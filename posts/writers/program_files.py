@@ -34,6 +34,7 @@ from cuspline.program.sub_blocks import sub_blocks_of
 from cuspline.values.errors import PostError
 
 LARGEST_NUMBER = 99999      # of a block
+SET_UP_MM = 1.0             # over the surface that cycles of their own are told of, where the feed begins
 HEIGHT_MM = 1e-6         # below the clearance height that is rounding
 LATER_BYTES = 160           # of the store: the header's verdict is longer than the line that it replaces
 LATER_SUB_BLOCKS = 8        # the program's name in its last line
@@ -57,6 +58,7 @@ class Dialect(ABC):
     plane_note = "A TILTED PLANE: ANY ZERO AND TOOL LENGTH WITHIN THE TRAVELS"
     states_times = True                     # of blocks (G93); without it a leaning tool goes out under tip control alone
     cycle_words: dict[str, str] = {}        # DrillCycle.word -> the control's; without it holes go out move by move
+    has_drilling = False                    # whether it calls holes one by one, by `drill`, in place of `cycle_words`
     work_offsets: tuple[str, ...] | None = None     # that the control has; None: whatever a program names
     writes: type[Writer] = Writer           # how moves become its words
     knows_swivel = False                    # whether it writes Control.swivel_record and feed_parameters
@@ -210,6 +212,14 @@ class Dialect(ABC):
         """
         raise PostError(f"{type(self).__name__[1:]} has no rigid tapping: mill the thread (thread_mill), or choose a machine that "
                         "taps")
+
+    def drills(self, cycle):
+        """Whether the control's own call makes a drilling.DrillCycle that is no tap."""
+        return self.has_drilling and cycle.retract_z_mm - SET_UP_MM > cycle.bottom_z_mm + HEIGHT_MM
+
+    def drill(self, writer, cycle, top_z_mm):
+        """One hole by the control's own call, where it `has_drilling`; the tool stands over it, `top_z_mm`: where it goes next."""
+        raise PostError(f"{type(self).__name__[1:]} calls no drilling cycles")
 
     def foot(self, writer):
         """The end of the program; what must stand behind it is in `writer.tail`."""

@@ -11,16 +11,19 @@ rotary axes evenly from block to block.  Tools beside the spindle's axis are ref
 Indexed positions go out by CYCLE800 where the machine's file names a swivel data record: no retraction, new frame, axis by axis
 about Z, the new X and the new Y (mode 39), the rotary axes named before by SUPA, so that the cycle finds nothing to do; of the two
 ways to hold the tool it takes the one with the larger (1) or the smaller angle (-1) of the axis that the record refers to.
-CYCLE800() takes the frame back and turns nothing.  Feeds may stand as R-parameters at the head.
+CYCLE800() takes the frame back and turns nothing.  Holes are called one by one, RFP a millimetre below where the feed begins.
+Feeds may stand as R-parameters at the head.
 """
 
+import math
 from types import MappingProxyType, SimpleNamespace
 
 import numpy as np
 
 from cuspline.posts.writers.joint_words import leans
-from cuspline.posts.writers.program_files import Dialect, posted
+from cuspline.posts.writers.program_files import SET_UP_MM, Dialect, posted
 from cuspline.posts.writers.words import Writer, behind_semicolon, check_lines
+from cuspline.program.drilling import CLEARANCE_MM, PECKS
 
 EXTENSION = "mpf"
 READER = "siemens_reader"
@@ -83,7 +86,7 @@ class _Siemens(Dialect):
     """G-code as far as it goes, then words of its own."""
 
     point, end, comment, knows_rotaries, tip_controls = "", "M30", staticmethod(comment), True, ("TRAORI",)
-    knows_radii, knows_swivel = True, True
+    knows_radii, knows_swivel, has_drilling = True, True, True
     plane_note = "CYCLE800: ANY ZERO AND TOOL LENGTH WITHIN THE TRAVELS"
     writes = _Blocks
     work_offsets = ("G54", "G55", "G56", "G57")
@@ -179,6 +182,40 @@ class _Siemens(Dialect):
         writer.block("SPOS=0")
         writer.block("G331", "Z" + writer.length(cycle.bottom_z_mm), pitch, f"S{rpm:.0f}")
         writer.block("G332", "Z" + writer.length(cycle.retract_z_mm), pitch)
+
+    def drill(self, writer, cycle, top_z_mm):
+        """CYCLE81, 82, 83 or 85 at the place; strokes of CYCLE83 so that they divide the depth evenly."""
+        surface = writer.rounded_mm(cycle.retract_z_mm) - writer.rounded_mm(SET_UP_MM)
+        planes = [writer.length(v) for v in (top_z_mm, surface, SET_UP_MM, cycle.bottom_z_mm)]
+        feed, = writer.feed_words(cycle.feed_mm_per_min) or (None,)
+        if cycle.kind == "ream":
+            writer.feed = None              # whether the cycle leaves its own behind the manual does not say
+            number = writer.feed_text(cycle.feed_mm_per_min)
+            number = f"R{writer.parameters[number]}" if number in writer.parameters else number
+            writer.block(self._call("CYCLE85", *planes, "", "", number, number))
+            return
+        if feed is not None:
+            writer.block(feed)
+        if cycle.kind in PECKS:
+            stroke, is_up = self._stroke(writer, cycle, surface), cycle.kind == "peck"
+            off = writer.length(CLEARANCE_MM)
+            writer.block(self._call("CYCLE83", *planes, "", "", stroke, "0", "", "", "1", "1" if is_up else "0", "", "",
+                                    "" if is_up else off, "", off if is_up else ""))
+        elif cycle.dwell_s:
+            writer.block(self._call("CYCLE82", *planes, "", f"{cycle.dwell_s:.3f}"))
+        else:
+            writer.block(self._call("CYCLE81", *planes))
+
+    @staticmethod
+    def _call(name, *parameters):
+        return f"{name}({','.join(parameters).rstrip(',')})"
+
+    @staticmethod
+    def _stroke(writer, cycle, surface):
+        """Depth of a stroke, rounded up, so that a whole number of them is the depth or hardly more."""
+        depth, step = surface - cycle.bottom_z_mm, writer.machine.control.resolution_mm
+        count = math.ceil(depth / cycle.peck_mm - 1e-9)
+        return writer.length(math.ceil(depth / count / step - 1e-6) * step)
 
     def tip_on(self, writer, tool):
         if writer.is_length_off:

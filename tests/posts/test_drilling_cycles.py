@@ -1,6 +1,10 @@
-"""Drilled holes as canned cycles: what the posts write, the readers make the planned moves of."""
+"""Drilled holes as canned cycles: what the posts write, the readers make the planned moves of.
+
+Accept new gold files with   CUSPLINE_ACCEPT_GOLD=1 pytest tests/posts/test_drilling_cycles.py
+"""
 
 import importlib
+import os
 from pathlib import Path
 
 import numpy as np
@@ -98,13 +102,34 @@ def test_without_canned_cycles_the_same_holes_go_out_move_by_move(machine):
 
 
 @pytest.mark.parametrize("machine", ["mill_siemens", "mill_heidenhain", "mill_grbl", "mill_pmac"])
-def test_controls_whose_posts_have_no_cycles_drill_move_by_move(machine):
+def test_controls_without_cycles_drill_move_by_move(machine):
     planned = operation([hole("peck", 10, 10), hole("chip_break", 30, 10)])
-    _, moves = posted(machine, planned)
+    _, moves = posted(machine, planned, canned_cycles=False)
     assert of_text(moves) == of_plan(planned)
-    _, moves = posted(machine, operation([hole("dwell", 10, 10)]))
+    _, moves = posted(machine, operation([hole("dwell", 10, 10)]), canned_cycles=False)
     stop, = (s for s in moves.stops if s.word == "G4")
     assert stop.seconds == 0.25 and moves.end_mm[stop.row - 1, 2] == moves.end_mm[:, 2].min() and moves.kind[stop.row] == Kind.RAPID
+
+
+OWN_CYCLES = ("mill_siemens", "mill_heidenhain")
+
+
+def fed_by(machine, planned):
+    """(n, 3) ends of strokes at the feed: those of the plan, but that pecks count from a millimetre under R where a control's own
+    cycles do, divide the depth evenly on a Sinumerik, and break chips at the feed there."""
+    if machine not in OWN_CYCLES:
+        return planned.moves.end_mm[planned.moves.kind != Kind.RAPID]
+    ends = []
+    for c in planned.cycles:
+        surface, heights = c.retract_z_mm - 1.0, []
+        count = int(np.ceil((surface - c.bottom_z_mm) / c.peck_mm - 1e-9)) if c.peck_mm else 1
+        stroke = (surface - c.bottom_z_mm) / count if machine == "mill_siemens" else c.peck_mm
+        for k in range(1, count):
+            heights += [surface - k * stroke]
+            heights += [surface - k * stroke + CLEARANCE_MM] if (machine, c.kind) == ("mill_siemens", "chip_break") else []
+        heights += [c.bottom_z_mm, *([c.retract_z_mm] if c.kind == "ream" else [])]
+        ends += [(*c.xy_mm, z) for z in heights]
+    return np.array(ends)
 
 
 def random_holes(rng):
@@ -129,12 +154,13 @@ def test_fifty_random_programs_of_holes_read_back_as_they_were_meant(machine, un
         _, moves = posted(machine, planned, units=unit, decimals_inch=6, decimals_mm=4)
         control = machine_from_toml(MACHINES / f"{machine}.toml").control.model_copy(update={
             "units": unit, "decimals_inch": 6, "decimals_mm": 4})
-        wanted = planned.moves.end_mm[planned.moves.kind != Kind.RAPID]
+        wanted = fed_by(machine, planned)
         feeds = np.flatnonzero(moves.kind != Kind.RAPID)
         assert len(feeds) == len(wanted), seed
         off = np.abs(moves.end_mm[feeds] - wanted)
-        # pecks are counted down from R by Q, each rounded by itself
-        digits = 0.5 * control.resolution_mm * (2 + np.arange(len(wanted)) if any(c.peck_mm for c in planned.cycles) else 1)
+        # pecks are counted down from R by Q, each rounded by itself, on a Sinumerik upward
+        step, pecks = (2.5 if machine in OWN_CYCLES else 0.5) * control.resolution_mm, any(c.peck_mm for c in planned.cycles)
+        digits = step * (2 + np.arange(len(wanted)) if pecks else 1)
         assert (off <= np.reshape(digits, (-1, 1)) * (1 + 1e-6)).all() and moves.remarks == (), (seed, off.max())
         dwells = [(s.row - 1, s.seconds) for s in moves.stops if s.word == "G4"]
         bottoms = [(int(np.flatnonzero(np.abs(moves.end_mm[feeds] - (*c.xy_mm, c.bottom_z_mm)).max(axis=1) < 2e-3)[0]), c.dwell_s)
@@ -157,6 +183,81 @@ def test_operations_before_and_after_find_the_state_that_they_wrote():
     bottoms = moves.end_mm[moves.kind == Kind.FEED]
     assert {tuple(b) for b in bottoms[:, :2].tolist()} == {(10, 10), (30, 10), (5, 5), (3, 4), (5, 6)}
     assert text.count("G80") == 3
+
+
+WORDS = {
+    "mill_siemens": {
+        "drill": ["F240.0", "CYCLE81(20,2,1,-5)"], "dwell": ["F240.0", "CYCLE82(20,2,1,-5,,0.250)"],
+        "peck": ["F240.0", "CYCLE83(20,2,1,-5,,,2.3334,0,,,1,1,,,,,0.5)"],
+        "chip_break": ["F240.0", "CYCLE83(20,2,1,-5,,,2.3334,0,,,1,0,,,0.5)"], "ream": ["CYCLE85(20,2,1,-5,,,240.0,240.0)"]},
+    "mill_heidenhain": {
+        "drill": ["CYCL DEF 200 DRILLING ~", "  Q200=+1 ;SET-UP CLEARANCE ~", "  Q201=-7 ;DEPTH ~",
+                  "  Q206=240.0 ;FEED RATE FOR PLUNGING ~", "  Q202=+7 ;PLUNGING DEPTH ~", "  Q210=0 ;DWELL TIME AT TOP ~",
+                  "  Q203=+2 ;SURFACE COORDINATE ~", "  Q204=+18 ;2ND SET-UP CLEARANCE ~", "  Q211=0.000 ;DWELL TIME AT DEPTH ~",
+                  "  Q395=0 ;DEPTH REFERENCE", "CYCL CALL"],
+        "chip_break": ["CYCL DEF 203 UNIVERSAL DRILLING ~"], "ream": ["CYCL DEF 201 REAMING ~"]}}
+
+
+@pytest.mark.parametrize("machine, kind", [(m, k) for m, kinds in WORDS.items() for k in kinds])
+def test_controls_with_calls_of_their_own_get_them_where_the_tool_stands(machine, kind):
+    text, moves = posted(machine, operation([hole(kind, 10, 10), hole(kind, 30, 10)]))
+    lines = [line if line.startswith("  ") else line.lstrip("0123456789 ") for line in text.split("\n")]
+    k = lines.index(WORDS[machine][kind][0])
+    assert lines[k:k + len(WORDS[machine][kind])] == WORDS[machine][kind]
+    assert sum("CYCLE8" in line or "CYCL CALL" in line for line in lines) == 2 and text.count("CYCL DEF 20") <= 1
+    bottoms = moves.end_mm[(moves.kind == Kind.FEED) & (moves.end_mm[:, 2] == -5)]
+    assert bottoms[:, :2].tolist() == [[10, 10], [30, 10]] and moves.remarks == ()
+    assert moves.end_mm[-2].tolist() == [30, 10, LEVEL]
+
+
+@pytest.mark.parametrize("machine, ending", [("mill_siemens", "mpf"), ("mill_heidenhain", "h")])
+def test_all_kinds_of_holes_go_out_as_the_gold_program_has_them(machine, ending):
+    holes = [hole(kind, 10.0 + 7 * k, 10 + k, bottom=-5.0 - k) for k, kind in enumerate(KINDS)]
+    text, _ = posted(machine, operation([*holes, hole("drill", 60, 30, stays_low=True), hole("drill", 70, 30, stays_low=True)]))
+    path = Path(__file__).parent.parent / f"gold/holes_{machine.removeprefix('mill_')}.{ending}"
+    if os.environ.get("CUSPLINE_ACCEPT_GOLD"):
+        path.write_text(text)
+    assert path.read_text() == text
+
+
+SPOILT = [
+    ("mill_siemens", "peck", "2.3334", "2.4", "divide the depth evenly"),
+    ("mill_siemens", "peck", "2.3334", "", "without its first depth"),
+    ("mill_siemens", "peck", ",0,,,1,1", ",0.5,,,1,1", "with DAM"),
+    ("mill_siemens", "peck", ",1,1,", ",0.5,1,", "another feed"),
+    ("mill_siemens", "peck", ",,,,,0.5", "", "without DIS1"),
+    ("mill_siemens", "drill", "20,2,1,-5", "20,2,1,5", "over one another"),
+    ("mill_siemens", "drill", "20,2,1,-5", "2,2,1,-5", "over one another"),
+    ("mill_siemens", "drill", "20,2,1,-5", "40,30,1,-5", "below RFP"),
+    ("mill_siemens", "drill", "20,2,1,-5", "20,2", "without one of DP"),
+    ("mill_siemens", "drill", "F240.0\n", "", "no feed is set"),
+    ("mill_siemens", "drill", "CYCLE81", "MCALL CYCLE81", "no word that this reader knows|beside other words"),
+    ("mill_siemens", "drill", "CYCLE81", "CYCLE86", "no word that this reader knows"),
+    ("mill_siemens", "dwell", "0.250", "-3", "turns of the spindle"),
+    ("mill_siemens", "ream", ",,240.0,240.0", "", "without FFR"),
+    ("mill_heidenhain", "drill", "Q201=-7", "Q201=+7", "makes no sense"),
+    ("mill_heidenhain", "drill", "Q210=0", "Q210=1", "stands still at the top"),
+    ("mill_heidenhain", "drill", "  Q211=0.000 ;DWELL TIME AT DEPTH ~\n", "", "without all of its parameters"),
+    ("mill_heidenhain", "drill", "Q395=0", "Q395=1", "counts to the full diameter"),
+    ("mill_heidenhain", "drill", "Q203=+2", "Q203=+40", "below its set-up"),
+    ("mill_heidenhain", "drill", "CYCL DEF 200", "CYCL DEF 208", "cycle 208"),
+    ("mill_heidenhain", "chip_break", "Q213=3", "Q213=1", "comes up between"),
+    ("mill_heidenhain", "drill", "Q202=+7", "Q202=+0", "with strokes of 0")]
+
+
+@pytest.mark.parametrize("machine, kind, old, new, why", SPOILT)
+def test_a_call_that_is_half_said_is_refused(machine, kind, old, new, why):
+    text, _ = posted(machine, operation([hole(kind, 10, 10), hole(kind, 30, 10)]))
+    assert old in text
+    with pytest.raises(ReadError, match=why):
+        read(text.replace(old, new, 1), machine)
+
+
+def test_a_hole_shallower_than_the_set_up_clearance_goes_out_move_by_move():
+    planned = operation([hole("drill", 10, 10, bottom=2.3, retract=3.0)])
+    for machine in OWN_CYCLES:
+        text, moves = posted(machine, planned)
+        assert "CYCLE81" not in text and "CYCL CALL" not in text and of_text(moves) == of_plan(planned)
 
 
 HEAD = "G21 G17 G90 G94 G40 G49 G80 G91.1\nG92.1\nG64 P0.01\nG54\nT3 M6\nG43 H3\nS900 M3\nG0 X0 Y0\nZ20\nF100\n"
