@@ -59,7 +59,7 @@ def _planes(name, given):
     bottom = reference - deep if bottom is None else bottom
     apart = apart or 0.0
     if apart < 0 or retract < reference + apart - BELOW_MM or not reference > bottom:
-        raise Complaint(f"{name} whose planes do not lie over one another", "RTP is no lower than RFP and SDIS, RFP above the bottom")
+        raise Complaint(f"{name} whose planes are not one over the other", "RTP no lower than RFP and SDIS, RFP above the bottom")
     return retract, reference, apart, bottom
 
 

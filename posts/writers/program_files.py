@@ -34,7 +34,7 @@ from cuspline.program.sub_blocks import sub_blocks_of
 from cuspline.values.errors import PostError
 
 LARGEST_NUMBER = 99999      # of a block
-SET_UP_MM = 1.0             # over the surface that cycles of their own are told of, where the feed begins
+SET_UP_MM = 1.0             # over the surface that cycles of their own count from, where the feed begins
 HEIGHT_MM = 1e-6         # below the clearance height that is rounding
 LATER_BYTES = 160           # of the store: the header's verdict is longer than the line that it replaces
 LATER_SUB_BLOCKS = 8        # the program's name in its last line

@@ -105,7 +105,7 @@ BAD = {
         ("X20 ", "R1=5 X20 ", "beside an R-parameter"),
         ("X20 ", "X=R1 ", "R1 has no value"),
         ("X20 ", "X20 R1=5 ", "assigned beside other words"),
-        ("X20 ", "CYCLE81(5) ", "no word"),
+        ("X20 ", "CYCLE81(5) ", "beside other words"),
         ("X20 ", "G41 X20 ", "G41 or G42 before"),
         ("X20 ", "/X20 ", "block delete"),
         ("X20 ", "(X20) ", "no word"),
