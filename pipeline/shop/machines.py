@@ -176,7 +176,7 @@ class Control(Sparse):
     program_store_sub_blocks: int | None = Field(default=None, gt=0, description="that it holds of words (X1.0 Y1.0 is two), where "
                                                  "the control counts these too; left out: bytes alone")
     sub_programs: bool = Field(default=True, description="repeated passes as sub-programs and calls; false: move by move")
-    canned_cycles: bool = Field(default=True, description="holes as G81 and its like, or the control's own calls; false: move by move")
+    canned_cycles: bool = Field(default=True, description="holes by G81 and its like, or own calls; false: move by move")
     rigid_tapping: bool = Field(default=True, description="it taps with the spindle tied to the feed; false: threads are milled")
     block_numbers: int = Field(default=0, ge=0, le=100, description="step of the N words before blocks; 0: none (Klartext always "
                                "counts its own)")
