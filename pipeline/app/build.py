@@ -470,7 +470,8 @@ def _posted(order, plans, work, inputs):
               edge_breaks=tuple(o.edge_break for p in plans for o in p.operations if o.edge_break is not None),
               worn_mm={o.name.lower(): c.worn_mm for p in plans for o in p.operations for c in o.compensated},
               force=next((f for f in order.shop.forces if f.material == order.design.material), None),
-              life=next((t for t in order.shop.lives if t.material == order.design.material), None))
+              life=next((t for t in order.shop.lives if t.material == order.design.material), None),
+              hole_force=next((f for f in order.shop.hole_forces if f.material == order.design.material), None))
     line = job_line(digest_of(job.model_dump(mode="json")))
     for name, text in written.items():
         (work / name).write_text(text.replace(post.comment(job_line("")), post.comment(line)))

@@ -557,12 +557,18 @@ def materials(file: Annotated[Optional[Path], typer.Argument(help="a shop's own 
 def _of_the_process(material, own):
     """What is known of a material's resistance and of the life of edges in it, with their sources."""
     from cuspline.shop.cutting_forces import force_of
+    from cuspline.shop.hole_forces import hole_force_of
     from cuspline.shop.tool_lives import life_of
     force, life = force_of(material, own.forces), life_of(material, own.lives)
     if force is not None:
         yield (f"  resists with {force.force_n_per_mm2:g} N/mm² and {force.edge_n_per_mm:g} N/mm, "
                f"{force.force_angle_deg:g} degrees to the surface")
         yield f"  source: {force.source}"
+    holes = hole_force_of(material, own.hole_forces)
+    if holes is not None:
+        taps = "" if holes.tap_n_per_mm2 is None else f", taps {holes.tap_n_per_mm2:g} N/mm²"
+        yield f"  drills meet {holes.drill_n_per_mm2:g} N/mm²{taps}"
+        yield f"  source: {holes.source}"
     if life is not None:
         yield f"  edges last {life.life_min:g} min in the cut, {life.time_factor:g} times the time of aluminium"
         yield f"  source: {life.source}"

@@ -23,6 +23,7 @@ from cuspline.replay.replay_checks import Reporter
 from cuspline.replay.scene import Fixture, SolidFixture
 from cuspline.shop.cutters import simulated
 from cuspline.shop.cutting_forces import force_of
+from cuspline.shop.hole_forces import hole_force_of
 from cuspline.shop.materials import known_materials
 from cuspline.shop.tool_lives import life_of
 from cuspline.surfaces.threaded_walls import faces_with_threads, threaded_walls
@@ -236,6 +237,7 @@ def begun(folder, job, say=lambda text: None, options=Options(), kept=NOTHING, p
     options = replace(options, mesh_checks=True, post_rounding_mm=_half_decimal_mm(job.machine.control))
     judging = Judging(tools=simulated(tools), stock=job.stock, finish=job.finish, machine=job.machine, options=options, say=say,
                       material=job.material, force=job.force or force_of(job.material), life=job.life or life_of(job.material),
+                      hole_force=job.hole_force or hole_force_of(job.material), whole_tools=tools,
                       ball_radius_mm=job.smallest_ball_radius_mm, kept=kept)
     return Begun(folder=folder, job=job, solid=solid, read=read, programs=tuple(programs), extra=tuple(extra),
                  first=first_look(programs, solid, judging), tools=tools, broken=tuple(broken))

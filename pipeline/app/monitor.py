@@ -19,12 +19,18 @@ def expected(folder):
     """
     path, tools = Path(folder) / "verify.json", read_tools(folder)
     document = json_of(path, "verdict") if path.exists() else {}
-    setups = [(part["setup"], part["process"]["operations"]) for part in document.get("setups", ()) if part.get("process")]
+    setups = [(part["setup"], [*part["process"]["operations"], *map(_as_operation, part["process"].get("holes", ()))])
+              for part in document.get("setups", ()) if part.get("process")]
     if not setups:
         raise InputError(f"{path}: no verdict that says what the edges meet: build the folder to --stage verify or further")
     return {"units": {"force": "N", "torque": "Nm", "power": "kW", "frequency": "Hz"}, "edges": "sharp; worn ones take up to three "
             "times the force", "setups": [{"setup": name, "operations": [_row(op, tools[op["tool"]].cutter.flutes) for op in rows]}
                                           for name, rows in setups]}
+
+
+def _as_operation(hole):
+    """A row of verify.json's "holes" as one of its "operations"."""
+    return {**hole, "rpm": [hole["rpm"], hole["rpm"]], "removal_cm3_per_h": None}
 
 
 def _row(op, flutes):

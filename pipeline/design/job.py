@@ -20,6 +20,7 @@ from cuspline.design.stock import Stock
 from cuspline.design.tabs import Tab
 from cuspline.shop.cutters import ToolLibrary
 from cuspline.shop.cutting_forces import CuttingForce
+from cuspline.shop.hole_forces import HoleForce
 from cuspline.shop.machines import Machine
 from cuspline.shop.materials import Material
 from cuspline.shop.threads import Thread
@@ -28,7 +29,7 @@ from cuspline.values.errors import InputError
 from cuspline.values.input_files import checked, json_of
 from cuspline.values.models import FileName, Model, WrittenName
 
-OPTIONAL = ("threads", "dimensions", "tabs", "engravings", "edge_breaks", "worn_mm", "force", "life")
+OPTIONAL = ("threads", "dimensions", "tabs", "engravings", "edge_breaks", "worn_mm", "force", "life", "hole_force")
 HEADER_DIGITS = 20          # of a job's SHA-256 in a program's header: a line of 40 characters holds it
 
 
@@ -68,6 +69,7 @@ class Job(Model):
                                       "the names of operations whose contours the control shifts")
     force: CuttingForce | None = Field(default=None, description="the shop's own of the material; None: what cuspline knows of it")
     life: ToolLife | None = Field(default=None, description="the same of tool life")
+    hole_force: HoleForce | None = Field(default=None, description="the same of drills and taps")
 
     @model_serializer(mode="wrap")
     def _without_what_it_has_not(self, dump):

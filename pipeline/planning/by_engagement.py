@@ -15,11 +15,12 @@ from cuspline.process.chip_loads import chip_shares, full_cut_factor, thin_chip_
 from cuspline.process.cut_of_operations import cuts_of_operations
 from cuspline.process.cutting_speed import BANDS, spindle_speeds
 from cuspline.process.drives import Drives, deviations_mm
+from cuspline.process.earlier_cuts import SEEN
 from cuspline.process.engagement import Engagement, Look, engagement
 from cuspline.process.forces import forces, limits_of
 from cuspline.program.arcs import Arc
 from cuspline.program.posted import PostedMoves
-from cuspline.program.program import Kind, Moves, Plane
+from cuspline.program.program import TILT_RAD, Kind, Moves, Plane
 from cuspline.replay.scene import FoundStock, ZMap
 from cuspline.shop.cutting_forces import force_of
 
@@ -42,15 +43,16 @@ def follows_engagement(plan):
     Returns:
         SetupPlan; `facts["process"]` of its operations says what was used, and why not where not.
     """
-    able = {k: why_not(o) for k, o in enumerate(plan.operations) if o.wishes is not None}
+    machine = plan.context.machine
+    wished = [_within_control(o, machine) for o in plan.operations]
+    able = {k: why_not(o) for k, o in enumerate(wished) if o.wishes is not None}
     if not able:
-        return plan
-    parted = {k: _parted(o, plan.context.machine) for k, o in enumerate(plan.operations)
-              if able.get(k) == ""}
-    cut = [replace(o, moves=parted[k][0]) if k in parted else o for k, o in enumerate(plan.operations)]
+        return replace(plan, operations=tuple(wished))
+    parted = {k: _parted(o, machine) for k, o in enumerate(wished) if able.get(k) == ""}
+    cut = [replace(o, moves=parted[k][0]) if k in parted else o for k, o in enumerate(wished)]
     met = Met.of(plan, cut) if parted else None
     operations = []
-    for k, o in enumerate(plan.operations):
+    for k, o in enumerate(wished):
         if k in parted:
             o = _followed(plan, k, o, parted[k], met)
         elif k in able:
@@ -63,13 +65,26 @@ def why_not(operation):
     """Why speeds and feeds of a PlannedOperation cannot follow what its edges meet; "" where they can."""
     if operation.passes is not None:
         return "its passes are repeated ones, with one feed each"
-    if (operation.moves.tilt_rad > 0).any():
-        return "its tool leans"
     if operation.compensated:
         return "the control shifts its contours, whose blocks have one feed each"
-    if operation.cycles or operation.tool.head is not None or operation.tool.cutter.type not in ("ball", "bull_nose", "flat"):
+    if operation.cycles or operation.tool.head is not None or operation.tool.cutter.type not in SEEN:
         return "what its tool meets is not known"
     return ""
+
+
+def _within_control(operation, machine):
+    """The operation, without the wish for a constant cutting speed where its tool leans and the control keeps the speed then."""
+    wishes = operation.wishes
+    if wishes is None or not wishes.is_speed_constant or machine.control.is_turned_at_tip or not _leans(operation):
+        return operation
+    said = {"cutting_speed": f"not used: its tool leans, and the speed of the spindle does not change under "
+                             f"{machine.control.tip_control}"}
+    wishes = replace(wishes, is_speed_constant=False) if wishes.is_fed_by_engagement else None
+    return replace(operation, wishes=wishes, facts={**operation.facts, "process": said})
+
+
+def _leans(operation):
+    return bool((operation.moves.tilt_rad > TILT_RAD).any())
 
 
 def met_by(plan):
@@ -165,7 +180,7 @@ def as_moves(operations):
         spindle_rpm=np.concatenate([_rpm_of(o) for o in operations]), tool=each(lambda k, o: o.tool.number),
         length_offset_on=np.ones(first[-1], bool), machine_end_mm=np.full((first[-1], 3), np.nan), line=np.arange(first[-1]),
         operation=each(lambda k, o: k), operations=tuple(o.name for o in operations), ended=True,
-        start_axis=column("axis"), end_axis=column("axis"))
+        start_axis=np.concatenate([np.vstack([o.moves.axis[:1], o.moves.axis])[:-1] for o in operations]), end_axis=column("axis"))
     return moves, tuple(first.tolist())
 
 
@@ -197,7 +212,7 @@ def _followed(plan, number, operation, parted, met):
         why = {name: "not used: its edges meet nothing" for name in _wished(operation)}
         return replace(operation, facts={**operation.facts, "process": why})
     along = _Along.of(moves, met.found.row[mine] - begin)
-    rpm, feed, said = np.full(len(moves), operation.rpm), wishes.feed_mm_per_min[origin], {}
+    rpm, feed, said = np.full(len(moves), operation.rpm), wishes.feed_mm_per_min[origin], dict(operation.facts.get("process", {}))
     if wishes.is_speed_constant:
         rpm, said["cutting_speed"] = _speeds(
             operation, along, np.nan_to_num(met.found.highest_radius_mm[mine]), moves.with_feed(feed), origin, machine)
@@ -339,8 +354,13 @@ def _feed_in_words(factor, along, moves):
 
 
 def _parted(operation, machine):
-    """Moves in parts, BLOCKS times as many at most, and the move (n,) that each is of; what does not cut stays whole."""
+    """Moves in parts, BLOCKS times as many at most, and the move (n,) that each is of; what does not cut stays whole.
+
+    Those of a tool that leans stay as they are: they are short, and what the axis does within one is the control's.
+    """
     moves = operation.moves
+    if _leans(operation):
+        return moves, np.arange(len(moves))
     length = np.where(moves.kind == Kind.RAPID, 0.0, feeds.move_lengths_mm(moves))
     lag_mm = 2 * machine.time_constant_s * moves.feed_mm_per_min.max() / 60          # shorter blocks would be slower
     step = max(STEP_SHARE * operation.tool.cutter.radius_mm, lag_mm)

@@ -99,9 +99,10 @@ def _posted_operation(planned, plan):
         return Operation(**same, moves=_moved(planned.moves, into), passes=_shifted(planned.passes, into),
                          cycles=tuple(c.shifted(by_mm) for c in planned.cycles),
                          compensated=tuple(c.moved(into) for c in planned.compensated))
-    moves = straightened(planned.moves, CHORD_SHARE * plan.context.machine.control.path_tolerance_mm)
+    moves, first = straightened(planned.moves, CHORD_SHARE * plan.context.machine.control.path_tolerance_mm)
     axis = setup.clamped_frame.turn_into(np.array([setup.wcs_z]))
-    return Operation(**same, moves=replace(_moved(moves, into), axis=np.repeat(axis, len(moves), axis=0)), level_mm=plan.level_mm)
+    return Operation(**same, moves=replace(_moved(moves, into), axis=np.repeat(axis, len(moves), axis=0)), level_mm=plan.level_mm,
+                     rpm_changes=tuple((int(first[k]), rpm) for k, rpm in planned.rpm_changes))
 
 
 @dataclass(frozen=True, kw_only=True)

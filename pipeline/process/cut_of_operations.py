@@ -11,7 +11,8 @@ from cuspline.values.amounts import counted
 from cuspline.values.errors import InputError
 
 DRAWN = 160               # stretches of a program that verify.json tells one by one
-NOT_SEEN = "not checked: the tool drills, is on an angle head, or is no ball, bull nose, flat cutter or tapered ball"
+NOT_SEEN = ("not checked: the tool is on an angle head, mills threads, reams, is no ball, bull nose, flat cutter or tapered ball, "
+            "or drills or taps where no figure is known")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,14 +143,14 @@ def _changes(posted, found, first, times, life):
         return {"change_before_lines": [], "too_long": str(error)}
 
 
-def not_seen(posted, found):
-    """Names of operations whose cuts are not looked at."""
+def not_seen(posted, found, blind=()):
+    """Names of operations whose cuts are not looked at; `blind`: numbers of tools that are not looked at either."""
     cutting = posted.kind != Kind.RAPID
-    blind = np.isin(posted.tool, found.unseen) & cutting & (posted.operation >= 0)
-    return [posted.operations[k] for k in np.unique(posted.operation[blind]).tolist()]
+    rows = np.isin(posted.tool, (*found.unseen, *blind)) & cutting & (posted.operation >= 0)
+    return [posted.operations[k] for k in np.unique(posted.operation[rows]).tolist()]
 
 
-def process_document(posted, tools, found, places, loads=None, source="", change_rpm_per_s=None):
+def process_document(posted, tools, found, places, loads=None, source="", change_rpm_per_s=None, holes=(), blind=()):
     """verify.json's "process" of one setup.
 
     Args:
@@ -157,14 +158,21 @@ def process_document(posted, tools, found, places, loads=None, source="", change
         loads: forces.Forces at the places of `found`; None: they are not known.
         source: where the material's figures come from, or why there are none.
         change_rpm_per_s: see `cuts_of_operations`.
+        holes: hole_forces.HoleLoad of operations that drill or tap.
+        blind: numbers of tools whose simulated body says nothing of what they meet: taps, thread mills.
     Returns:
-        {"operations": [...], "forces": words, "not_checked": words where something is not looked at}.
+        {"operations": [...], "holes": [...] where there are some, "forces": words, "not_checked": words where something is not
+        looked at}.
     """
-    names, rows = not_seen(posted, found), []
+    bored = {load.name for load in holes}
+    names, rows = [name for name in not_seen(posted, found, blind) if name not in bored], []
     for cut, (_, mine) in zip(cuts_of_operations(posted, tools, found, change_rpm_per_s), _by_operation(posted, found)):
+        if cut.name in bored or cut.name in names:
+            continue
         rows.append({**cut.as_dict(), **({} if loads is None else _largest(loads, mine) | _usual(loads, found, mine))})
     words = {"not_checked": f"{counted(len(names), 'operation')}: {', '.join(names)}. {NOT_SEEN}"} if names else {}
-    return {"operations": rows, "along": along_program(posted, found, places),
+    drilled = {"holes": [load.as_dict(int(posted.line[load.row])) for load in holes]} if holes else {}
+    return {"operations": rows, **drilled, "along": along_program(posted, found, places),
             "forces": source if loads is not None else f"not checked: {source}", **words}
 
 

@@ -64,13 +64,15 @@ def lowest_z_mm(moves):
 
 
 def straightened(moves, tolerance_mm):
-    """The same moves with chords in place of arcs, none farther than the tolerance (mm) from its arc.
+    """The same moves with chords in place of arcs, and the row (n,) with which each of the moves begins among them.
+
+    No chord is farther than the tolerance (mm) from its arc.
 
     >>> from cuspline.program.program import MoveWriter
     >>> half = MoveWriter((1, 0, 0)); half.arc((-1, 0, 0), (0, 0, 0), Plane.XY, False, 100)
-    >>> chords = straightened(half.moves(), 0.01)
-    >>> len(chords), float(np.abs(np.hypot(*chords.end_mm[:, :2].T) - 1).max()) < 1e-12
-    (12, True)
+    >>> chords, first = straightened(half.moves(), 0.01)
+    >>> len(chords), float(np.abs(np.hypot(*chords.end_mm[:, :2].T) - 1).max()) < 1e-12, first.tolist()
+    (12, True, [0])
     """
     is_arc, starts = moves.kind >= Kind.ARC_CW, moves.starts_mm
     ways = {k: Arc(starts[k], moves.end_mm[k], moves.center_mm[k], Plane(moves.plane[k]), moves.kind[k]).chords(tolerance_mm)
@@ -83,4 +85,4 @@ def straightened(moves, tolerance_mm):
         end_mm[first[k]:first[k] + len(way)] = way
     return Moves(start_mm=moves.start_mm, kind=np.where(is_arc, Kind.FEED, moves.kind)[row], end_mm=end_mm,
                  center_mm=np.full((len(row), 3), np.nan), plane=np.full(len(row), Plane.XY), axis=moves.axis[row],
-                 feed_mm_per_min=moves.feed_mm_per_min[row])
+                 feed_mm_per_min=moves.feed_mm_per_min[row]), first

@@ -339,6 +339,12 @@ def edge_rows(verify):
             for op in _process(part).get("operations") or ()]
 
 
+def hole_rows(verify):
+    """One dict of texts per operation that drills or taps, out of verify.json's "process"."""
+    return [_hole_row(str(part.get("setup", DASH)), op) for part in verify.get("setups") or ()
+            for op in _process(part).get("holes") or ()]
+
+
 def along_setups(verify):
     """[(setup, verify.json's `process.along`)] of setups whose edges were looked at."""
     found = [(str(part.get("setup", DASH)), _process(part).get("along")) for part in verify.get("setups") or ()]
@@ -401,6 +407,14 @@ def _edge_row(setup, op):
         "axial": decimal(op.get("axial_n"), 0), "radial": decimal(op.get("radial_n"), 0), "power": decimal(op.get("power_kw"), 2),
         "bend": decimal(op.get("deflection_mm"), 4),
         "rate": decimal(op.get("removal_cm3_per_h"), 1), "most": decimal(op.get("removal_most_cm3_per_h"), 1)}
+
+
+def _hole_row(setup, op):
+    return {
+        "setup": setup, "name": str(op.get("name", DASH)), "tool": f"T{op.get('tool', DASH)} {op.get('does', '')}",
+        "diameter": decimal(op.get("diameter_mm"), 2), "holes": grouped(op.get("holes")), "rpm": grouped(op.get("rpm")),
+        "turn": decimal(op.get("feed_mm_per_turn"), 3), "torque": decimal(op.get("torque_n_m"), 2),
+        "axial": decimal(op.get("axial_n"), 0), "power": decimal(op.get("power_kw"), 2), "line": grouped(op.get("line"))}
 
 
 def _half_in_words(speeds):

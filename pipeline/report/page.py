@@ -51,6 +51,7 @@ def report_html(bundle, images, plots, left_out):
         **_common(bundle, images), left_out=left_out, limits=facts.limits(bundle), facts=facts.one_minute(bundle),
         first_findings=FIRST_FINDINGS,
         operations=facts.operation_rows(bundle), edge_rows=facts.edge_rows(bundle.verify),
+        hole_rows=facts.hole_rows(bundle.verify),
         edges_not_checked=[*facts.edge_sets(bundle.verify), *facts.edges_not_checked(bundle.verify)],
         candidates=facts.candidate_rows(bundle),
         unreachable=facts.unreachable(bundle), bounds=facts.error_bound_rows(bundle.verify),

@@ -199,6 +199,11 @@ class Control(Sparse):
     coolants: dict[Literal["air", "mist", "flood", "high_pressure"], CoolantCodes] = Field(
         default={}, description="the machine's own M-codes of each coolant; left out: M7 is mist, M8 flood, and there is no other")
 
+    @property
+    def is_turned_at_tip(self):
+        """Whether the speed of the spindle changes under its tip control; Klartext's TOOL CALL S ends FUNCTION TCPM."""
+        return self.tip_control != "TCPM"
+
     @model_validator(mode="after")
     def _coolant_codes_say_one_thing(self):
         on = [codes.on for codes in self.coolants.values()]

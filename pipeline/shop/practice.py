@@ -7,6 +7,7 @@ alone is `-p shop.clearance_mm=8`; an operation's own value goes before both.
 from pydantic import Field
 
 from cuspline.shop.cutting_forces import CuttingForce
+from cuspline.shop.hole_forces import HoleForce
 from cuspline.shop.materials import Material
 from cuspline.shop.tool_lives import ToolLife
 from cuspline.values.input_files import checked, toml_of
@@ -43,11 +44,12 @@ class Practice(Sparse):
 class ShopFile(Sparse):
     """A shop's own file."""
 
-    LEFT_OUT = ("forces", "lives")
+    LEFT_OUT = ("forces", "lives", "hole_forces")
     practice: Practice = Practice()
     materials: tuple[Material, ...] = ()
     forces: tuple[CuttingForce, ...] = Field(default=(), description="rows that go before cuspline's own, by material")
     lives: tuple[ToolLife, ...] = Field(default=(), description="the same of tool life")
+    hole_forces: tuple[HoleForce, ...] = Field(default=(), description="the same of drills and taps")
 
     @property
     def given(self):

@@ -9,6 +9,7 @@ from cuspline.process.cut_of_operations import edge_changes, met_at_places, proc
 from cuspline.process.drives import Drives, deviations_mm, following_error_mm
 from cuspline.process.engagement import engagement
 from cuspline.process.forces import forces, limits_of
+from cuspline.process.hole_forces import hole_loads
 from cuspline.program.program import Kind
 from cuspline.values.amounts import counted
 from cuspline.values.findings import Finding
@@ -38,8 +39,12 @@ def process_of(posted, judging, stock, rows, around):
     strays, drives = drive_findings(posted, machine, rows, around[0])
     change = None if machine is None else machine.spindle.turns_faster_rpm_per_s
     places = met_at_places(posted, met, turned_rpm(posted, change), loads)
-    document = process_document(posted, tools, met, places, loads, source, change)
-    return Process(places=places, findings=(*limit_findings(posted, tools, machine, met, loads, around), *shaken, *strays),
+    whole = tools if judging.whole_tools is None else judging.whole_tools
+    holes = hole_loads(posted, whole, judging.hole_force)
+    blind = tuple(n for n, tool in whole.items() if tool.cutter.threads)
+    document = process_document(posted, tools, met, places, loads, source, change, holes, blind)
+    found = (*limit_findings(posted, tools, machine, met, loads, around), *hole_findings(posted, whole, machine, holes, around))
+    return Process(places=places, findings=(*found, *shaken, *strays),
                    document={**document, "chatter": chatter, "drives": drives, "edges": edge_changes(posted, met, judging.life)})
 
 
@@ -67,6 +72,26 @@ def limit_findings(posted, tools, machine, met, loads, around):
                         operation=posted.operation_name(row), line=int(posted.line[row]),
                         advice=f"{what} up to {amount:.4g} {unit}, where {where} states {limit:g} {unit}: take a smaller stepdown, "
                                "stepover or feed per tooth"))
+    return tuple(found)
+
+
+def hole_findings(posted, tools, machine, holes, around):
+    """Drills and taps that take more than machine and tool state; one Finding an operation and limit.
+
+    Args:
+        tools: {number: Tool} as they are.   holes: hole_forces.HoleLoad.   around: (setup's name, its frame).
+    """
+    found, (setup, frame) = [], around
+    for load in holes:
+        for what, unit, name, limit, where in limits_of(machine, tools[load.tool]):
+            amount = getattr(load, name, None)
+            if amount is None or amount <= limit:
+                continue
+            found.append(Finding(
+                kind="process_limit", amount_mm=0.0, amount=round(amount, 3), unit=unit, row=load.row, setup=setup,
+                place_mm=tuple(round(float(v), 6) for v in frame.out(posted.end_mm[load.row][None])[0]), operation=load.name,
+                line=int(posted.line[load.row]), advice=f"{what} up to {amount:.4g} {unit}, where {where} states {limit:g} {unit}: "
+                + ("mill the thread" if load.does == "tap" else "take a lower feed, or drill a smaller hole first")))
     return tuple(found)
 
 

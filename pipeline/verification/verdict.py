@@ -178,6 +178,8 @@ class Judging:
     machine: object = None            # machines.Machine, or None: travel and table are not asked
     material: str = ""                # name of the work material
     force: object = None              # shop.cutting_forces.CuttingForce of it, or None: forces and chatter are not checked
+    hole_force: object = None         # shop.hole_forces.HoleForce of it, or None: drills and taps are not checked
+    whole_tools: dict | None = None   # number -> Tool as they are, where `tools` are as simulated; None: the same
     life: object = None               # shop.tool_lives.ToolLife of it, or None: edges are not counted
     options: Options = Options()
     kept: object = NOTHING            # kept.Kept, asked first for what takes long; NOTHING keeps nothing

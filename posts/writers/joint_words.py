@@ -40,10 +40,7 @@ class PlainMoves:
 
     def write(self, writer, first, end, dialect):
         """Moves `first` to `end`, the spindle's speed named where it changes."""
-        changes = [k for k, _ in self.operation.rpm_changes if first < k < end] if self.operation.rpm_changes else []
-        for begin, stop in zip([first, *changes], [*changes, end]):
-            if self.operation.rpm_changes:
-                dialect.turn_at(writer, self.operation.rpm_at(begin))
+        for begin, stop in at_one_speed(self.operation, writer, first, end, dialect):
             self._write(writer, begin, stop)
 
     def _write(self, writer, first, end):
@@ -51,6 +48,15 @@ class PlainMoves:
         columns = (m.kind, m.end_mm, m.center_mm, m.plane, m.feed_mm_per_min)
         for row in zip(*(column[first:end].tolist() for column in columns)):        # plain numbers are written faster
             writer.move(*row)
+
+
+def at_one_speed(operation, writer, first, end, dialect):
+    """(first, end) of stretches of moves at one speed of the spindle, which is named before each is handed out."""
+    changes = [k for k, _ in operation.rpm_changes if first < k < end]
+    for begin, stop in zip([first, *changes], [*changes, end]):
+        if operation.rpm_changes:
+            dialect.turn_at(writer, operation.rpm_at(begin))
+        yield begin, stop
 
 
 class JointRun:
@@ -64,7 +70,8 @@ class JointRun:
             PostError: a rewind in the cut, a limit, an axis that cannot be held: by the move, the axis and the value.
         """
         moves, cutter, control = operation.moves, operation.tool.cutter, machine.control
-        self.name, self.length_mm, self.chain = operation.name, operation.tool.length_mm, machine.kinematics
+        self.operation, self.name = operation, operation.name
+        self.length_mm, self.chain = operation.tool.length_mm, machine.kinematics
         self.decimals_deg = control.decimals_deg
         self.tips, axes, move = _straight(moves, CHORD_SHARE * control.path_tolerance_mm)
         off_mm = JOINT_SHARE * control.path_tolerance_mm
@@ -88,6 +95,11 @@ class JointRun:
         except PostError as error:
             raise PostError(f"operation {self.name}: {error}", rows=error.rows) from None
         return path
+
+    def blocks(self, writer, first, end, dialect):
+        """Numbers of the blocks of moves `first` to `end`, the spindle's speed named before those where it changes."""
+        for begin, stop in at_one_speed(self.operation, writer, first, end, dialect):
+            yield from range(self.first[begin], self.first[stop])
 
     @property
     def turns(self):
@@ -149,7 +161,7 @@ class SolvedMoves:
     def write(self, writer, first, end, dialect):
         """Blocks of moves `first` to `end`, under G93, back to G94."""
         run, is_inverse = self.run, False
-        for k in range(run.first[first], run.first[end]):
+        for k in run.blocks(writer, first, end, dialect):
             if k in run.rewinds:
                 self._rewind(writer, k, dialect)
                 continue

@@ -410,9 +410,9 @@ class _Files:
         if operation.pauses and (operation.cycles or operation.compensated):
             raise PostError(f"operation {operation.name}: it stops or dwells among its moves, which goes without cycles and "
                             "without cutter compensation: leave them out")
-        if operation.rpm_changes and (operation.cycles or operation.compensated or leans(operation.moves)):
-            raise PostError(f"operation {operation.name}: the speed of the spindle changes among its moves, which goes with an "
-                            "upright axis, without cycles and without cutter compensation: give it one speed")
+        if operation.rpm_changes and (operation.cycles or operation.compensated):
+            raise PostError(f"operation {operation.name}: the speed of the spindle changes among its moves, which goes without "
+                            "cycles and without cutter compensation: give it one speed")
         if operation.compensated:
             if leans(operation.moves) or self.machine.control.arc_centres == "R":
                 raise PostError(f"operation {operation.name}: cutter compensation goes with an upright axis, and arcs by their "
@@ -430,6 +430,9 @@ class _Files:
                                 f'which joints need: write tip_control = "{self.dialect.tip_controls[0]}" into the machine file')
             return SolvedMoves(operation, self.machine)
         share, control = self.dialect.tip_blend_share, self.machine.control
+        if operation.rpm_changes and not control.is_turned_at_tip:
+            raise PostError(f"operation {operation.name}: the speed of the spindle changes among its moves, which does not go "
+                            f"with {control.tip_control}: give it one speed")
         return TipMoves(operation, self.machine, self.dialect.states_times, share and share * control.path_tolerance_mm)
 
     def _enter(self, laid, first):

@@ -6,7 +6,7 @@ The rotary axes are named at the top of the machine before; a plane then finds t
 
 import numpy as np
 
-from cuspline.posts.writers.joint_words import JointRun
+from cuspline.posts.writers.joint_words import JointRun, at_one_speed
 from cuspline.posts.writers.tip_words import ANY_MM, go_above
 from cuspline.values import fixed_math as fixed
 from cuspline.values.frames import Frame
@@ -23,7 +23,8 @@ class TiltedMoves:
             PostError: see joint_words.JointRun; see `Dialect.plane_frame`.
         """
         self.run = run = JointRun(operation, machine, ANY_MM)
-        self.tool, self.moves, self.origin_mm = operation.tool, operation.moves, np.array(machine.wcs_origin_mm)
+        self.operation, self.tool, self.moves = operation, operation.tool, operation.moves
+        self.origin_mm = np.array(machine.wcs_origin_mm)
         self.axis = operation.moves.axis[0]
         self.plane_deg = plane_angles_deg(self.axis, machine.control.decimals_deg)
         self.frame = dialect.plane_frame(run, self.plane_deg)
@@ -50,6 +51,10 @@ class TiltedMoves:
 
     def write(self, writer, first, end, dialect):
         """Blocks of moves `first` to `end`, all of them straight."""
+        for begin, stop in at_one_speed(self.operation, writer, first, end, dialect):
+            self._write(writer, begin, stop)
+
+    def _write(self, writer, first, end):
         m = self.moves
         for row in zip(m.kind[first:end].tolist(), self.ends_mm[first:end].tolist(), m.center_mm[first:end].tolist(),
                        m.plane[first:end].tolist(), m.feed_mm_per_min[first:end].tolist()):

@@ -70,7 +70,7 @@ class TipMoves:
     def write(self, writer, first, end, dialect):
         """Blocks of moves `first` to `end`."""
         run, is_inverse = self.run, False
-        for k in range(run.first[first], run.first[end]):
+        for k in run.blocks(writer, first, end, dialect):
             if k in run.rewinds:
                 is_inverse = self._told(writer, is_inverse, False)
                 dialect.tip_off(writer)

@@ -159,3 +159,60 @@ def test_coolant_in_hardened_steel_is_advised_against():
     assert "chip" in process_words(wet, None, hard)["process"]["advice"]
     assert "advice" not in process_words(operation, None, hard)["process"]
     assert "advice" not in process_words(wet, None, known_materials()["aluminium_6061"])["process"]
+
+
+# leaning tools -----------------------------------------------------------------------------------
+
+
+TRUNNION = catalogue.find_machine("mill_trunnion_ac")
+LEAN_RAD = np.radians(25.0)
+
+
+def leaning_grooves(layers=(1.0, 3.0), parts=20):
+    """Moves of a ball of 10 mm that leans by 25 degrees along x: a groove for every depth, in short blocks."""
+    axis = np.array([np.sin(LEAN_RAD), 0.0, np.cos(LEAN_RAD)])
+    tip = lambda x, y, depth: (np.array([x, y, 5.0 - depth]) - 5.0 * axis)             # the ball's lowest place at the depth
+    w = MoveWriter(tip(-40, -12, -20))
+    for k, depth in enumerate(layers):
+        w.rapid(tip(-40, 14 * k - 12, -20))
+        w.feed(tip(-40, 14 * k - 12, depth), 0.3 * FEED)
+        for x in np.linspace(-40, 40, parts + 1)[1:]:
+            w.feed(tip(x, 14 * k - 12, depth), FEED)
+        w.rapid(tip(40, 14 * k - 12, -20))
+    return replace(w.moves(), axis=np.tile(axis, (len(w), 1)))
+
+
+def inside(moves, y):
+    return (moves.kind == Kind.FEED) & (np.abs(moves.starts_mm[:, 0]) < 25) & (np.abs(moves.end_mm[:, 0]) < 25) & (
+        np.abs(moves.end_mm[:, 1] - y) < 1)
+
+
+def test_a_leaning_ball_keeps_its_cutting_speed_too():
+    """Its edge cuts up to where the surface of the stock meets it: at 25 degrees plus the angle of the cut's end."""
+    depths = np.array([1.0, 3.0])
+    o, = follows_engagement(planned(leaning_grooves(depths), has_speed=True, rpm=4775.0, machine=TRUNNION)).operations
+    ends = np.arccos(1 - depths / 5.0)                          # of the arc in the cut, from straight down
+    radius = 5.0 * np.sin(np.minimum(ends + LEAN_RAD, np.pi / 2))   # on the side to which it leans away
+    wanted = SPEED * 1000 / (2 * np.pi * radius)
+    rpm = np.repeat([o.rpm, *(rpm for _, rpm in o.rpm_changes)], np.diff([0, *(k for k, _ in o.rpm_changes), len(o.moves)]))
+    for y, n in zip((-12, 2), wanted):
+        assert rpm[inside(o.moves, y)] == pytest.approx(n, rel=0.05)
+    assert len(o.moves) == len(leaning_grooves(depths)) and (o.moves.end_mm == leaning_grooves(depths).end_mm).all()
+
+
+def test_a_leaning_ball_is_fed_by_what_it_meets():
+    full = 2 * np.sqrt(25.0 - 4.0) / 10                         # width of a groove 3 mm deep as a share of the diameter
+    o, = follows_engagement(planned(leaning_grooves((0.02, 3.0)), has_feed=True, machine=TRUNNION)).operations
+    thin, wide = (o.moves.feed_mm_per_min[inside(o.moves, y)] for y in (-12, 2))
+    assert (thin == np.floor(FEED * 1.1 ** 4)).all()
+    seen = wide / FEED * full / 0.5                             # steps of 1.1; rings 15 degrees apart miss up to an eighth
+    assert (seen > 1 / 1.1).all() and (seen < 1 / 0.87).all()
+
+
+def test_under_tcpm_feeds_follow_and_the_speed_stays():
+    machine = catalogue.find_machine("mill_heidenhain_5axis")
+    o, = follows_engagement(planned(leaning_grooves(), has_speed=True, has_feed=True, machine=machine)).operations
+    assert not o.rpm_changes and "factor" in o.facts["process"]["feed"]
+    assert o.facts["process"]["cutting_speed"].endswith("the speed of the spindle does not change under TCPM")
+    o, = follows_engagement(planned(leaning_grooves(), has_speed=True, machine=machine)).operations
+    assert "feed" not in o.facts["process"] and o.facts["process"]["cutting_speed"].startswith("not used")

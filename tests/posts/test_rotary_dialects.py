@@ -312,3 +312,36 @@ def test_under_g254_every_axis_is_named_before_a_cut():
     text = re.sub(r"G254\nG0 X\S+ Y\S+\n", "G254\n", text_of(m, position(40.0, 30.0)))
     with pytest.raises(ReadError, match="a cut behind G254 before X Y is named"):
         read_with_tools(m, text)
+
+
+# speeds that change among the moves --------------------------------------------------------------
+
+
+SPEEDS = (4, 5000.0), (7, 9000.0)
+
+
+@pytest.mark.parametrize("m", [mill("haas"), mill("siemens"), fanuc(), machine("mill_trunnion_ac"),
+                               machine("mill_trunnion_ac", tip_control="M428")],
+                         ids=lambda m: f"{m.control.post} {m.control.tip_control}")
+def test_a_leaning_tool_turns_as_fast_as_every_move_asks(m):
+    moves = rolling()
+    posted = read_with_tools(m, text_of(m, dataclasses.replace(operation("finish", moves), rpm_changes=SPEEDS)))
+    assert posted.remarks == () and posted.ended
+    planned = np.select([np.arange(len(moves)) >= k for k, _ in reversed(SPEEDS)], [rpm for _, rpm in reversed(SPEEDS)], 8000.0)
+    for k in range(2, len(moves) - 1):
+        hit = np.nanargmin(np.linalg.norm(posted.end_mm - moves.end_mm[k], axis=1))
+        assert posted.spindle_rpm[hit] == planned[k]
+
+
+@EVERY
+def test_so_does_one_in_an_indexed_position(post):
+    m, side = within_reach(mill(post)), dataclasses.replace(position(40.0, 30.0), rpm_changes=((2, 5000.0), (3, 9000.0)))
+    posted = read_with_tools(m, text_of(m, side))
+    assert_position_is_read(posted, side, 0)
+    assert posted.spindle_rpm[posted.kind == Kind.FEED].tolist() == [8000.0, 8000.0, 5000.0, 9000.0]
+
+
+def test_under_tcpm_the_speed_stays():
+    m = mill("heidenhain")
+    with pytest.raises(PostError, match="which does not go with TCPM: give it one speed"):
+        text_of(m, dataclasses.replace(operation("finish", rolling()), rpm_changes=SPEEDS))

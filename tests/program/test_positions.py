@@ -35,7 +35,7 @@ def passes():
 
 def leaning(moves, frame, held):
     """The same seen from the clamping."""
-    moves = straightened(moves, 5e-4)
+    moves, _ = straightened(moves, 5e-4)
     into = lambda p: held.into(frame.out(p))
     return replace(moves, start_mm=into(moves.start_mm), end_mm=into(moves.end_mm),
                    axis=held.turn_into(frame.turn_out(np.tile((0.0, 0.0, 1.0), (len(moves), 1)))))
@@ -61,7 +61,7 @@ def test_both_positions_see_the_moves_that_they_were_planned_with(name):
     mill = find_machine(name)
     found = read(mill, text_of(mill))
     top, front = found.moves
-    for seen, planned in ((top, passes()), (front, straightened(passes(), 5e-4))):
+    for seen, planned in ((top, passes()), (front, straightened(passes(), 5e-4)[0])):
         cutting = seen.end_mm[seen.kind != Kind.RAPID]
         assert len(cutting) >= len(planned) - 2
         near = np.linalg.norm(cutting[:, None] - planned.end_mm[None], axis=2).min(axis=0)
