@@ -24,7 +24,8 @@ TEMPLATE = Path(__file__).with_name("site.html")
 GROUPS = {"guides": "Guides", "": "Manual", "reference": "Reference", "decisions": "Why it is so"}
 COMMANDS = {"designs": "Designs", "strategies": "Strategies", "machines": "Machines", "cutters": "Tools", "materials": "Materials",
             "posts": "Posts", "shop": "What a shop decides"}
-FILES = {"machine": "Keys of a machine's file", "tools": "Keys of a tool library"}
+FILES = {"machine": "Keys of a machine's file", "tools": "Keys of a tool library", "job": "Keys of a job file",
+         "shop": "Keys of a shop's file"}
 PICTURES = ("iso.png", "paths.png", "deviation.png")      # of a part in the gallery
 FAR = ("http:", "https:", "mailto:", "#")
 LINK = re.compile(r"""(href|src)="([^"]*)\"""")
@@ -160,6 +161,8 @@ def _keys_of_a_file(name, title):
     body = (f'<h1>{html.escape(title)}</h1><p>As <code>cuspline schema {name}</code> has it for editors: '
             f'<a href="../schemas/{name}.schema.json">{name}.schema.json</a>.</p>')
     for part, model in parts.items():
+        if "oneOf" in model:
+            body += f"<h2>{part}</h2><p>One of {_taken(model).replace(' or ', ', ')}, by its <code>kind</code>.</p>"
         if "properties" not in model:
             continue
         rows = "".join(_key(key, value, key in model.get("required", ())) for key, value in model["properties"].items())

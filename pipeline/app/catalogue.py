@@ -169,7 +169,7 @@ def _from_module(module, path):
     return DesignSource(name=path.stem, path=path, parameters=models[0], make=make)
 
 
-class _Job(Model):
+class JobFile(Model):
     """A job file: a STEP part and what must be known to cut it."""
 
     step: str = Field(description="STEP file, relative to the job file")
@@ -190,7 +190,7 @@ class _NoParameters(Parameters):
 
 def _from_job(path):
     importlib.import_module("cuspline.planning.strategies")       # registers the operations
-    job = checked(_Job, toml_of(path, "job file"), f"job file {path}")
+    job = checked(JobFile, toml_of(path, "job file"), f"job file {path}")
 
     def make(parameters):
         from cuspline.kernel import brep

@@ -587,8 +587,8 @@ def findings(kind: Annotated[Optional[str], typer.Argument(help="one of them: an
 
 
 @app.command()
-def schema(document: Annotated[str, typer.Argument(help="plan, verify, manifest; machine or tools")]):
-    """Print the JSON schema of plan.json, verify.json or manifest.json, of a machine's file or of a tool library."""
+def schema(document: Annotated[str, typer.Argument(help="plan, verify, manifest; machine, tools, job or shop")]):
+    """Print a JSON schema: of plan.json, verify.json, manifest.json; of a machine's, a job's, a shop's file; of a tool library."""
     from cuspline.app.documents import DOCUMENTS, FILES, schema_of
     if document not in DOCUMENTS and document not in FILES:
         raise InputError(f"{shortened(document)}: {no_such(document, (*DOCUMENTS, *FILES))}")

@@ -220,10 +220,31 @@ DOCUMENTS = {"plan": PlanDocument, "verify": VerifyDocument, "manifest": Manifes
 
 
 # files that users write: where their models are, which reading outputs needs none of
-FILES = {"machine": ("cuspline.shop.machines", "Machine"), "tools": ("cuspline.shop.cutters", "ToolLibrary")}
+FILES = {"machine": ("cuspline.shop.machines", "Machine"), "tools": ("cuspline.shop.cutters", "ToolLibrary"),
+         "job": ("cuspline.app.catalogue", "JobFile"), "shop": ("cuspline.shop.practice", "ShopFile")}
 
 
 def schema_of(name):
     """The JSON schema of one of DOCUMENTS or FILES, as text."""
     model = DOCUMENTS[name] if name in DOCUMENTS else getattr(import_module(FILES[name][0]), FILES[name][1])
-    return json.dumps({"$schema": SCHEMA, **model.model_json_schema(mode="validation")}, indent=1) + "\n"
+    schema = model.model_json_schema(mode="validation")
+    return json.dumps({"$schema": SCHEMA, **(_with_strategies(schema) if name == "job" else schema)}, indent=1) + "\n"
+
+
+def _with_strategies(schema):
+    """A schema whose operations are one of the strategies each, by its `kind`, and their tool axes one of those."""
+    import_module("cuspline.planning.strategies")       # registers them
+    from cuspline.design.operations import REGISTERED
+    from cuspline.toolpaths.five_axis.tool_axes import REGISTERED as AXES
+    return _one_of(_one_of(schema, "Operation", REGISTERED), "ToolAxis", AXES)
+
+
+def _one_of(schema, name, registered):
+    """A schema whose part of that name is one of the models in {kind: model}, the `kind` beside its own keys."""
+    parts, kinds = dict(schema["$defs"]), []
+    for kind, model in sorted(registered.items()):
+        own = model.model_json_schema(mode="validation")
+        parts = {**own.pop("$defs", {}), **parts, model.__name__: {
+            **own, "properties": {"kind": {"const": kind}, **own["properties"]}, "required": ["kind", *own.get("required", ())]}}
+        kinds.append({"$ref": f"#/$defs/{model.__name__}"})
+    return {**schema, "$defs": {**parts, name: {"title": name, "oneOf": kinds}}}

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import numpy as np
 
 REPORT, HEIGHT_PX = "report.html", 720
+PART_COLOUR, STOCK_COLOUR, SEEN_THROUGH = "#8d99ae", "#c9a66b", 0.5     # in a viewer
 SHOWN = (("gouge", "gouge_max_mm", "mm"), ("cusp", "cusp_max_mm", "mm"), ("error bound", "error_bound_mm", "mm"),
          ("area reached", "area_reached_mm2", "mm²"), ("of required", "area_required_mm2", "mm²"))
 
@@ -136,12 +137,17 @@ class Outputs:
         return None
 
     def _in_viewer(self):
+        """The part in grey, the stock after the last operation beside it, see-through, where it was simulated."""
         import cadquery
         import ocp_vscode
 
         from cuspline.kernel import brep
-        shapes, names = [cadquery.Shape.cast(brep.the_solid(brep.read_step(self.step)))], [self.design]
-        ocp_vscode.show(*shapes, names=names)
+        from cuspline.kernel.stl_files import face_of_stl
+        shown = [(self.design, brep.the_solid(brep.read_step(self.step)), PART_COLOUR, 1.0)]
+        if self.stock is not None:
+            shown.append((f"stock after {self.stock.operation}", face_of_stl(self.stock.path), STOCK_COLOUR, SEEN_THROUGH))
+        names, shapes, colours, alphas = zip(*shown)
+        ocp_vscode.show(*map(cadquery.Shape.cast, shapes), names=list(names), colors=list(colours), alphas=list(alphas))
 
     def _repr_html_(self):
         """The verdict as a table."""

@@ -52,3 +52,19 @@ def stl_of_corners(corners_mm):
     rows["normal"] = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
     rows["corners"] = corners_mm
     return b"binary STL, millimetres".ljust(80) + np.uint32(len(rows)).astype("<u4").tobytes() + rows.tobytes()
+
+
+def face_of_stl(path):
+    """TopoDS_Face that is the triangles of an STL file and no more: something for a viewer to show.
+
+    Raises:
+        InputError: it is no STL file.
+    """
+    from OCP.BRep import BRep_Builder
+    from OCP.RWStl import RWStl
+    from OCP.TopoDS import TopoDS_Face
+    triangles, face = RWStl.ReadFile_s(str(path)), TopoDS_Face()
+    if triangles is None or not triangles.NbTriangles():
+        raise InputError(f"{path} is not a readable STL file: build the part again")
+    BRep_Builder().MakeFace(face, triangles)
+    return face

@@ -55,9 +55,12 @@ def cuts_of_operations(posted, tools, found, change_rpm_per_s=None):
 
 
 def turned_rpm(posted, change_rpm_per_s):
-    """(n,) mean speed of the spindle on every move; where an operation begins, or the tool changes, it has come to its speed."""
+    """(n,) mean speed of the spindle on every move.
+
+    Where an operation begins, the tool changes, or the spindle stood still before, it has come to its speed.
+    """
     rpm = np.abs(posted.spindle_rpm)
-    begins = np.flatnonzero(np.r_[True, (np.diff(posted.operation) != 0) | (np.diff(posted.tool) != 0)])
+    begins = np.flatnonzero(np.r_[True, (np.diff(posted.operation) != 0) | (np.diff(posted.tool) != 0) | (rpm[:-1] == 0)])
     if change_rpm_per_s is None or not len(rpm):
         return rpm
     length = np.sqrt(((posted.end_mm - posted.start_mm) ** 2).sum(axis=1))          # of arcs the chord: the time is short of it

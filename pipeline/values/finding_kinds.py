@@ -129,7 +129,8 @@ KINDS = {
             "Roughing takes 9 kW where the machine's file states `power_kw = 7.5` for its spindle; or a cutter is pushed "
             "aside with 400 N, where its `bending_n` is 250; or a drill of 20 mm needs 25 Nm.",
             "Take a smaller stepdown or stepover, or a lower feed per tooth, in the operation that is named; drill a smaller hole "
-            "first; mill the thread. It is checked where the machine's file or the tool library state the limit and the material's cutting force is known."),
+            "first; mill the thread. It is checked where the machine's file or the tool library state the limit and the material's "
+            "cutting force is known."),
         "deep_hole": (
             "a drill goes down too far before it lets its chips out",
             "A hole of 5 mm, 40 mm deep, drilled by G81; without `unpecked_mm` 4 diameters are allowed.",

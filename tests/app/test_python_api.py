@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from eight_operations import JOB
 
 import cuspline
 from cuspline.app import catalogue
@@ -113,12 +114,26 @@ def test_a_notebook_shows_the_report_within_its_page(planned, tmp_path, monkeypa
 
 def test_the_viewer_gets_the_part_as_it_stands_in_step(planned, monkeypatch):
     shown, viewer = [], types.ModuleType("ocp_vscode")
-    viewer.show = lambda *shapes, names: shown.extend(zip(names, shapes))
+    viewer.show = lambda *shapes, names, colors, alphas: shown.extend(zip(names, shapes, alphas))
     viewer.__spec__ = types.SimpleNamespace()
     monkeypatch.setitem(sys.modules, "ocp_vscode", viewer)
     planned.show()
-    (name, shape), = shown
+    (name, shape, alpha), = shown
     assert name == "trough" and shape.Volume() == pytest.approx(24 * 10 * 12 - removed_mm3(24, 1.5) * 10, rel=1e-9)
+    assert alpha == 1.0
+
+
+def test_the_viewer_gets_the_simulated_stock_too(default_part, monkeypatch):
+    shown, viewer = {}, types.ModuleType("ocp_vscode")
+    viewer.show = lambda *shapes, names, colors, alphas: shown.update(zip(names, zip(shapes, alphas)))
+    viewer.__spec__ = types.SimpleNamespace()
+    monkeypatch.setitem(sys.modules, "ocp_vscode", viewer)
+    outputs = cuspline.outputs(default_part)
+    outputs.show()
+    stock, alpha = shown[f"stock after {outputs.stock.operation}"]
+    vertices, _ = outputs.stock.mesh()
+    box = stock.BoundingBox()
+    assert alpha < 1 and (box.xlen, box.ylen, box.zlen) == pytest.approx(tuple(vertices.max(0) - vertices.min(0)), abs=1e-3)
 
 
 def removed_mm3(chord, depth):
@@ -141,8 +156,9 @@ def test_the_published_schema_is_that_of_the_code_and_needs_what_the_contract_pr
                            "excess_volume_mm3", "error_bound_mm", "points_checked", "area_required_mm2", "area_reached_mm2",
                            "collisions", "findings", "setups"},
                 "plan": {"design", "machine", "setups"}, "manifest": {"design", "parameters", "versions", "files", "inputs_sha256"},
-                "machine": {"name", "x", "y", "z", "spindle", "control"}, "tools": {"tools"}}
-    assert promised[name] <= set(schema["required"])
+                "machine": {"name", "x", "y", "z", "spindle", "control"}, "tools": {"tools"}, "shop": set(),
+                "job": {"step", "material", "finish", "faces", "setups"}}
+    assert promised[name] <= set(schema.get("required", ()))
 
 
 def test_what_builds_write_holds_all_that_the_schemas_require(default_part, planned):
@@ -168,7 +184,7 @@ def missing(schema, value, definitions, where=""):
 
 
 def test_the_files_that_ship_have_what_their_schemas_require_and_no_other_key():
-    machine, tools = (json.loads((ROOT / f"docs/schemas/{name}.schema.json").read_text()) for name in FILES)
+    machine, tools = (json.loads((ROOT / f"docs/schemas/{name}.schema.json").read_text()) for name in ("machine", "tools"))
     files = [(machine, tomllib.loads(p.read_text())) for p in sorted((ROOT / "posts/machines").glob("*.toml"))]
     files.append((tools, json.loads((ROOT / "posts/tools/tools.json").read_text())))
     assert len(files) > 15
@@ -176,6 +192,19 @@ def test_the_files_that_ship_have_what_their_schemas_require_and_no_other_key():
         assert missing(schema, value, schema["$defs"]) == []
         assert value.keys() <= schema["properties"].keys() and schema["additionalProperties"] is False
     assert missing(machine, {k: v for k, v in files[0][1].items() if k != "spindle"}, machine["$defs"]) == [".spindle"]
+
+
+def test_a_job_file_has_what_its_schema_asks_of_every_strategy_and_tool_axis():
+    schema = json.loads((ROOT / "docs/schemas/job.schema.json").read_text())
+    parts = schema["$defs"]
+    kinds = {parts[row["$ref"].rpartition("/")[2]]["properties"]["kind"]["const"]: parts[row["$ref"].rpartition("/")[2]]
+             for name in ("Operation", "ToolAxis") for row in parts[name]["oneOf"]}
+    job = tomllib.loads(JOB)
+    assert missing(schema, job, parts) == [] and job.keys() <= schema["properties"].keys()
+    operations = [o for setup in job["setups"] for o in setup["operations"]]
+    assert len(operations) >= 8 and all(o.keys() <= kinds[o["kind"]]["properties"].keys() for o in operations)
+    assert {"lead_tilt", "thread_mill", "auto"} <= kinds.keys()
+    assert all(part["additionalProperties"] is False for part in kinds.values())
 
 
 def test_documents_are_frozen():

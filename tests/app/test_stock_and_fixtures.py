@@ -277,9 +277,9 @@ def test_a_design_without_a_stock_gets_the_box_round_it_and_the_shops_allowance(
     ("{ from_mm = [0, 0, 0], to_mm = [0, 0, 9], diameter_mm = 20 }", "StockCylinder"), ('{ stl = "raw.stl" }', "StockMesh"),
     ("{ allowance_mm = 1.5 }", "StockAllowance"), ("{ skin_mm = 0.8 }", "StockSkin")])
 def test_a_job_file_says_what_its_stock_is_by_what_it_says_of_it(given, kind):
-    job = catalogue._Job.model_validate({**tomllib.loads(CASTING_JOB), "stock": tomllib.loads(f"a = {given}")["a"]})
+    job = catalogue.JobFile.model_validate({**tomllib.loads(CASTING_JOB), "stock": tomllib.loads(f"a = {given}")["a"]})
     assert type(job.stock).__name__ == kind
-    assert type(catalogue._Job.model_validate(job.model_dump()).stock).__name__ == kind
+    assert type(catalogue.JobFile.model_validate(job.model_dump()).stock).__name__ == kind
     assert isinstance(job.setups[0].fixtures[0], FixtureCylinder)
 
 

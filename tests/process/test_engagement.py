@@ -8,7 +8,7 @@ from brute_engagement import met, off_by
 from known_programs import arc, feed, program, rapid, tool
 
 from cuspline.process.ball_depths import edge_in_cut_mm, edge_radius_mm, inclined_depth_mm, transition_depth_mm
-from cuspline.process.cut_of_operations import met_at_places, process_document
+from cuspline.process.cut_of_operations import met_at_places, process_document, turned_rpm
 from cuspline.process.engagement import Look, engagement
 from cuspline.program.program import Plane
 from cuspline.replay.scene import FoundStock
@@ -179,3 +179,9 @@ def test_the_document_says_what_operations_take_and_what_is_not_looked_at():
     assert groove["highest_speed_m_per_min"] == pytest.approx(2 * np.pi * 3 * 8, rel=0.01)
     assert groove["lowest_speed_m_per_min"] < 0.01
     assert document["not_checked"].startswith("1 operation: holes.")
+
+
+def test_a_spindle_that_stood_still_has_come_to_its_speed():
+    """Rotary axes turn before M3: what follows is no ramp from 0."""
+    posted = program((0, 0, 50), [rapid(0, 0, 50), rapid(0, 0, 2), feed(10, 0, 2)], spindle_rpm=np.array([0.0, 8000.0, 8000.0]))
+    assert turned_rpm(posted, 1000.0).tolist() == [0.0, 8000.0, 8000.0]
