@@ -153,7 +153,7 @@ def not_seen(posted, found, blind=()):
     return [posted.operations[k] for k in np.unique(posted.operation[rows]).tolist()]
 
 
-def process_document(posted, tools, found, places, loads=None, source="", change_rpm_per_s=None, holes=(), blind=()):
+def process_document(posted, tools, found, places, loads=None, source="", change_rpm_per_s=None):
     """verify.json's "process" of one setup.
 
     Args:
@@ -161,22 +161,34 @@ def process_document(posted, tools, found, places, loads=None, source="", change
         loads: forces.Forces at the places of `found`; None: they are not known.
         source: where the material's figures come from, or why there are none.
         change_rpm_per_s: see `cuts_of_operations`.
-        holes: hole_forces.HoleLoad of operations that drill or tap.
-        blind: numbers of tools whose simulated body says nothing of what they meet: taps, thread mills.
     Returns:
-        {"operations": [...], "holes": [...] where there are some, "forces": words, "not_checked": words where something is not
-        looked at}.
+        {"operations": [...], "forces": words, "not_checked": words where something is not looked at}.
+    """
+    rows = []
+    for cut, (_, mine) in zip(cuts_of_operations(posted, tools, found, change_rpm_per_s), _by_operation(posted, found)):
+        rows.append({**cut.as_dict(), **({} if loads is None else _largest(loads, mine) | _usual(loads, found, mine))})
+    words = _not_checked(not_seen(posted, found))
+    return {"operations": rows, "along": along_program(posted, found, places),
+            "forces": source if loads is not None else f"not checked: {source}", **words}
+
+
+def _not_checked(names):
+    return {"not_checked": f"{counted(len(names), 'operation')}: {', '.join(names)}. {NOT_SEEN}"} if names else {}
+
+
+def with_holes(document, posted, found, holes, blind):
+    """verify.json's "process" with "holes", what drills and taps take; their operations are not said to be unseen.
+
+    Args:
+        document: see `process_document`.   holes: hole_forces.HoleLoad of operations that drill or tap.
+        blind: numbers of tools whose simulated body says nothing of what they meet: taps, thread mills.
     """
     bored = {load.name for load in holes}
-    names, rows = [name for name in not_seen(posted, found, blind) if name not in bored], []
-    for cut, (_, mine) in zip(cuts_of_operations(posted, tools, found, change_rpm_per_s), _by_operation(posted, found)):
-        if cut.name in bored or cut.name in names:
-            continue
-        rows.append({**cut.as_dict(), **({} if loads is None else _largest(loads, mine) | _usual(loads, found, mine))})
-    words = {"not_checked": f"{counted(len(names), 'operation')}: {', '.join(names)}. {NOT_SEEN}"} if names else {}
+    names = [name for name in not_seen(posted, found, blind) if name not in bored]
+    seen = [row for row in document["operations"] if row["name"] not in bored and row["name"] not in names]
+    kept = {key: value for key, value in document.items() if key != "not_checked"}
     drilled = {"holes": [load.as_dict(int(posted.line[load.row])) for load in holes]} if holes else {}
-    return {"operations": rows, **drilled, "along": along_program(posted, found, places),
-            "forces": source if loads is not None else f"not checked: {source}", **words}
+    return {**kept, "operations": seen, **drilled, **_not_checked(names)}
 
 
 def along_program(posted, found, places):

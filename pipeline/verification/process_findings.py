@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cuspline.process.chatter import limits_mm
-from cuspline.process.cut_of_operations import edge_changes, met_at_places, process_document, turned_rpm
+from cuspline.process.cut_of_operations import edge_changes, met_at_places, process_document, turned_rpm, with_holes
 from cuspline.process.drives import Drives, deviations_mm, following_error_mm
 from cuspline.process.engagement import engagement
 from cuspline.process.forces import forces, limits_of
@@ -42,7 +42,7 @@ def process_of(posted, judging, stock, rows, around):
     whole = tools if judging.whole_tools is None else judging.whole_tools
     holes = hole_loads(posted, whole, judging.hole_force)
     blind = tuple(n for n, tool in whole.items() if tool.cutter.threads)
-    document = process_document(posted, tools, met, places, loads, source, change, holes, blind)
+    document = with_holes(process_document(posted, tools, met, places, loads, source, change), posted, met, holes, blind)
     found = (*limit_findings(posted, tools, machine, met, loads, around), *hole_findings(posted, whole, machine, holes, around))
     return Process(places=places, findings=(*found, *shaken, *strays),
                    document={**document, "chatter": chatter, "drives": drives, "edges": edge_changes(posted, met, judging.life)})

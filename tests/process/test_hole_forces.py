@@ -7,6 +7,7 @@ import pytest
 from known_programs import feed, program, rapid
 
 from cuspline.app import catalogue
+from cuspline.process.cut_of_operations import with_holes
 from cuspline.process.hole_forces import drill_load, drilled_diameter_mm, hole_loads, tap_torque_n_m
 from cuspline.shop.cutters import Cutter
 from cuspline.shop.hole_forces import HoleForce, hole_force_of, known_hole_forces
@@ -89,3 +90,14 @@ def test_beyond_what_the_spindle_stands_is_found_by_line():
     torque, axial = hole_findings(posted, tools, stands(torque_n_m=0.5 * loads[0].torque_n_m, axial_n=1.0), loads, HERE)
     assert torque.kind == axial.kind == "process_limit" and "drill a smaller hole first" in torque.advice
     assert torque.line == posted.line[1] and axial.unit == "N"
+
+
+def test_what_is_stated_is_not_said_to_be_unseen():
+    posted, tools = holes([0], 30), {1: tool(1, drill(10.0))}
+    found = SimpleNamespace(unseen=(1,))
+    document = {"operations": [], "forces": "", "not_checked": "1 operation: finish."}
+    loads = hole_loads(posted, tools, ALUMINIUM)
+    assert "not_checked" not in with_holes(document, posted, found, loads, ())
+    assert with_holes(document, posted, found, (), ())["not_checked"].startswith("1 operation: finish.")
+    row = {"name": "finish"}
+    assert with_holes({"operations": [row]}, posted, SimpleNamespace(unseen=()), (), (1,))["operations"] == []
