@@ -42,7 +42,7 @@ from cuspline.toolpaths.drop.exact_dropper import EdgeNeighbours, ExactDropper
 from cuspline.toolpaths.drop.patch_bounds import EVERYWHERE
 from cuspline.toolpaths.five_axis.corner_contact import CornerContact
 from cuspline.toolpaths.five_axis.leaning_moves import upright_again
-from cuspline.toolpaths.five_axis.tool_axes import ClearingAxis, LeadTilt, ToolAxis
+from cuspline.toolpaths.five_axis.tool_axes import ClearingAxis, FastestAxis, LeadTilt, ToolAxis
 from cuspline.toolpaths.roughing.stock_fields import lines_of_moves, swept_by_lines
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import CutterDoesNotFit, PlanError, ToolpathError
@@ -53,6 +53,7 @@ FAR_MM = 1000.0             # beyond any stock
 ROUNDING_MM = 1e-4          # kept back from the tolerances for the post's decimals
 LOOK_SHARE, MOST_LOOKS = 0.2, 250       # of the radius between places at which the standing stock is looked up
 DONE_RAY = 5.0              # times the cusp: farther it is not asked how much stands
+ROUND_PLACES, ROUND_SHARES = 16, (0.25, 0.5, 0.75, 1.0)      # round a place, where the standing stock is looked up
 THIN_MM = 0.05              # of the needle that finds the part
 STEEP_DEG = 65.0            # clean-up passes of a setup with several operations: walls beyond get waterlines
 NEAR_RADII = 3.0            # of a cutter round the faces that a position cuts: what it may touch
@@ -198,6 +199,8 @@ class PlanningContext:
         if not self.machine.rotaries:
             raise PlanError(f"{where}, and {self.machine.name} has no rotary axes: take a machine that has (`cuspline machines`), "
                             "or leave tool_axis out")
+        if isinstance(operation.tool_axis, FastestAxis) and operation.kind in ("rest", "waterline"):
+            raise PlanError(f"{where} as is fastest, which {operation.kind} does not choose: give it a lead_tilt")
         if self.setup.indexed:
             raise PlanError(f"{where} in an indexed position, which holds it still: give the operation to the setup that "
                             "holds the part")
@@ -222,8 +225,8 @@ class PlanningContext:
             raise PlanError(f"{where} touches with its corner, which only a lead_tilt axis without a limit_deg keeps on the faces: "
                             "take that, or a ball")
         try:
-            return CornerContact(radius_mm=cutter.radius_mm, corner_radius_mm=cutter.corner_radius_mm,
-                                 lead_rad=math.radians(axis.lead_deg), tilt_rad=math.radians(axis.tilt_deg))
+            return CornerContact.of(cutter, math.radians(axis.lead_deg), math.radians(axis.tilt_deg),
+                                    aside_rad(axis, self.operation))
         except ToolpathError as error:
             raise PlanError(f"{where}: {error}") from None
 
@@ -491,6 +494,17 @@ class PlanningContext:
         thickest = getattr(self.design.stock, "thickest_mm", None)
         return max(highest if thickest is None else min(highest, thickest), self.practice.rough_allowance_mm)
 
+    def standing_round_mm(self, places_mm, reach_mm):
+        """The most that stands over the part, straight up, so far round places (n, 2): (n,) mm."""
+        turn = np.linspace(0.0, 2 * np.pi, ROUND_PLACES, endpoint=False)
+        ring = np.column_stack([fixed.cos(turn), fixed.sin(turn)])
+        off = np.vstack([np.zeros((1, 2)), *(share * reach_mm * ring for share in ROUND_SHARES)])
+        xy = (places_mm[:, None] + off).reshape(-1, 2)
+        stock, part = self.stock_mm(xy), drop_tips_mm(self.mesh, xy, THIN_MM, THIN_MM)
+        there = np.isfinite(part) & np.isfinite(stock)
+        high = np.where(there, np.where(there, stock, 0.0) - np.where(there, part, 0.0), 0.0)
+        return np.maximum(high.reshape(-1, len(off)).max(axis=1), 0.0)
+
     def chosen_tool(self, *types):
         """The fastest cutter of some types that fits the operation's faces with its holder clear and leaves least.
 
@@ -687,6 +701,18 @@ def ridge_for_step_mm(name, scallop_mm, finish):
                         f"{finish.profile_tolerance_mm} mm do not go together: the tolerance must be between "
                         f"{ROUNDING_MM} mm and the cusp")
     return ridge_mm
+
+
+def aside_rad(axis, operation):
+    """Angle from the passes of an operation to the direction that a LeadTilt counts from: 0 where that is the feed's.
+
+    Passes that are not parallel may run square to it.
+    """
+    if axis.toward is None:
+        return 0.0
+    if operation.kind != "parallel":
+        return math.pi / 2
+    return float(fixed.arctan2(axis.toward[1], axis.toward[0])) - math.radians(operation.angle_deg)
 
 
 def finite(value):

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from cuspline.planning.context import FinishingStage, finite, ridge_for_step_mm
 from cuspline.planning.cutter_choice import ROUND
-from cuspline.planning.leaning_choice import compared
+from cuspline.planning.leaning_choice import compared, fastest
 from cuspline.planning.leaning_cusps import cusps_mm
 from cuspline.planning.leaning_finishing import as_laid, leaned, middle_tolerance_mm
 from cuspline.planning.tip_orders import other_orders
@@ -53,6 +53,7 @@ TOUCH_UP_RIDGES = (0.5, 0.25)   # of the ridge, one round after the other
 TOUCH_UP_SHARE = 0.9        # of the cusp: what is left in so many places between the nodes may be a little more
 TOUCH_UP_STEPS = 0.6        # how far the touch-up reaches beyond
 LINK_STEPS = 3.0            # links along the surface are no longer than that
+ENTRY_RADII = 2.0           # round an entry, within which a leaning cutter may stand over stock
 HOP_RADII = 6.0             # links over what lies between
 FLAT_STEP_SHARE = 0.1       # of its radius: how closely a flat cutter's waterlines are looked for
 MAY_TOUCH_STEPS = 0.5       # steps from place to place by which it is told where the cutter may touch a wall
@@ -132,6 +133,11 @@ def passes_over(work, tool, candidates, swept=(), is_done=None):
                 return None
     stage = FinishingStage(name=operation.title, allowance_mm=operation.allowance_mm, scallop_mm=scallop_mm)
     return _operation(work, stage, tool, candidates, work.standing_mm(tool), (cut, box), (swept, is_done))
+
+
+def with_fastest(work, plan):
+    """`leaning_choice.fastest` for the cusp of an operation."""
+    return fastest(work, ridge_for_step_mm(work.operation.title, work.finish.scallop_mm, work.finish), WIDEST_RADII, plan)
 
 
 def _box_left(work, tool, pitch_mm, cut):
@@ -479,7 +485,8 @@ def link_rules(work, tool, field, tolerance_mm, step_mm, feed, left_mm):
     """How the ball gets from path to path; `left_mm` is what earlier operations may have left on the part.
 
     A ball's arc over an edge would lead a leaning flat bottom into it, and on a link along the surface it would turn round its
-    contact: what touches with its corner comes and goes along its axis.  A position among others, above which other directions'
+    contact, unless it leans toward one direction however it is fed: what touches with its corner comes and goes along its axis.
+    A position among others, above which other directions'
     material stands high, goes down by rapids between it.
     """
     radius = field.dropper.radius_mm if field.across is None else tool.cutter.radius_mm
@@ -488,9 +495,10 @@ def link_rules(work, tool, field, tolerance_mm, step_mm, feed, left_mm):
         clearance_z_mm=work.clearance_z_mm,
         approach_z_mm=work.clearance_z_mm - work.clearance_mm + work.practice.approach_mm, feed_mm_per_min=feed,
         plunge_mm_per_min=work.practice.plunge_share * feed, tolerance_mm=tolerance_mm,
-        surface_link_mm=0.0 if field.across else LINK_STEPS * step_mm,
+        surface_link_mm=0.0 if field.across and work.tool_axis.toward is None else LINK_STEPS * step_mm,
         hop_mm=HOP_RADII * radius, lead_radius_mm=0.0 if field.across else work.lead_radius_mm(radius),
         is_one_way=work.operation.passes == "one-way",
         steepest_rad=tool.cutter.steepest_rad, bearing=getattr(work.operation, "bearing", None),
+        standing=None if field.across is None else lambda xy: work.standing_round_mm(xy, ENTRY_RADII * radius),
         rapids=None if work.operation.steepest_deg == 90.0 else work.dropper(
             field.dropper.radius_mm, field.dropper.corner_radius_mm, left_mm + RAPID_APPROACHES * work.practice.approach_mm))

@@ -22,6 +22,7 @@ from cuspline.planning.clearing_axes import (
 )
 from cuspline.planning.context import MESH_DEFLECTION_MM, Left, path_tolerance_mm
 from cuspline.planning.corner_gouges import refuse_gouges
+from cuspline.planning.smoothed_axes import SmoothingSwing, smoothing_facts
 from cuspline.program.program import Kind, Moves, tilt_rad
 from cuspline.replay.clearance import SAGITTA_MM, ToolMoves, tool_segments
 from cuspline.shop.rotary_way import shortest_way
@@ -40,6 +41,7 @@ LEAST_MM = 1e-12           # an arm shorter than this has no direction
 LEANING = 1e-3             # between the face's normal and the ball's: it is on the face's edge
 HIGH_MM = 1e-6              # below the approach height, that is rounding
 FITS_MM = 0.01              # a ball that meets other faces by less fits
+SMOOTHED_SHARES = (1.0, 0.5, 0.25)      # of what an axis may be smoothed by, one after the other
 SPARES_MM = (0.05, 0.2, 0.5)    # that a turned axis keeps beyond the margin at its stations, for the moves between them
 
 
@@ -83,6 +85,23 @@ def leaned(work, runs, link, tool):
     rules = _rules(work, link, tool)
     if isinstance(work.tool_axis, ClearingAxis):
         return _clearing(work, runs, link, tool, rules)
+    if work.tool_axis.smooth_deg is not None and rules.corner is None:
+        return _smoothed(work, runs, link, tool, rules)
+    moves, facts, _ = _turned(work, runs, link, tool, rules)
+    return Leaned(moves=moves, facts=facts)
+
+
+def _smoothed(work, runs, link, tool, rules):
+    """Leaned of axes evened out for the rotaries, by less where the tool would come too near, until both hold."""
+    use = _rotary_use(work, link)
+    for share in SMOOTHED_SHARES:
+        most_rad = share * math.radians(work.tool_axis.smooth_deg)
+        try:
+            moves, facts, found = _turned(work, runs, link, tool, replace(
+                rules, swing=SmoothingSwing(use, tool.cutter.radius_mm, most_rad)))
+            return Leaned(moves=moves, facts={**facts, "smoothed": smoothing_facts(found.turns)})
+        except ToolInTheWay:
+            continue
     moves, facts, _ = _turned(work, runs, link, tool, rules)
     return Leaned(moves=moves, facts=facts)
 

@@ -21,6 +21,8 @@ class Standing(Parameters):
     form: Literal["wall", "channel", "blade"] = "channel"
     tall_mm: float = 46.0
     floor_mm: float = 16.0      # width of the channel's floor
+    ball: str = BALL
+    upright: bool = False       # three axes, with a ball that is long enough
 
 
 def mill(name="mill_trunnion_ac"):
@@ -47,11 +49,11 @@ def solid(form, tall_mm, floor_mm):
         floor_mm + 16, 3 * y).loft(ruled=True)).val()
 
 
-def design(p: Standing, axis=None, ball=BALL, **finishing) -> Design:
+def design(p: Standing, axis=None, **finishing) -> Design:
     """One setup: roughed upright, then the floor, or the blade's sides, along an axis (left out: whatever clears)."""
     x, y = HALF_MM[p.form]
-    axis = axis or ClearingAxis()
-    finish = (Waterline if p.form == "blade" else Parallel)(tool=ball, name="finish", tool_axis=axis, **finishing)
+    axis = None if p.upright else axis or ClearingAxis()
+    finish = (Waterline if p.form == "blade" else Parallel)(tool=p.ball, name="finish", tool_axis=axis, **finishing)
     faces = (FacePredicate(name="cut", count=2, normal=(1, 0, 0), normal_within_deg=20),
              FacePredicate(name="back", count=2, normal=(-1, 0, 0), normal_within_deg=20)) if p.form == "blade" else (
         FacePredicate(name="cut", count=1, normal=(0, 0, 1), normal_within_deg=5, center_max_mm=(99, 99, FLOOR_MM + 1)),)

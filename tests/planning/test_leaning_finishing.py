@@ -20,7 +20,7 @@ from cuspline.program.program import Kind, MoveWriter
 from cuspline.stock.swept import swept_paths
 from cuspline.stock.workpiece import Workpiece
 from cuspline.toolpaths.five_axis.leaning_moves import Leaning, upright_again
-from cuspline.toolpaths.five_axis.tool_axes import FixedAxis, LeadTilt
+from cuspline.toolpaths.five_axis.tool_axes import FastestAxis, FixedAxis, LeadTilt
 from cuspline.values.errors import PlanError
 
 LIBRARY = find_library(None)
@@ -182,6 +182,20 @@ def test_cutters_and_inclinations_are_compared_in_one_table():
     assert mine[15.0]["radius_across_mm"] == pytest.approx(1 + 4 / np.sin(np.radians(15)), abs=1e-4)
     balls = [r for r in rows if r["type"] == "ball" and r["diameter_mm"] <= 10]
     assert balls and min(r["estimated_time_s"] for r in balls) > 2 * mine[15.0]["estimated_time_s"]
+
+
+def test_the_fastest_cutter_and_lead_that_can_be_planned_are_taken_from_the_table():
+    """Nothing is named; what is faster in the table and fits is named with why it was not taken."""
+    part = planned_bull()[0]
+    finish = part.setups[0].operations[1].model_copy(update={"tool": None, "tool_axis": FastestAxis(leads_deg=(3.0, 15.0))})
+    made = plan_setup(part, part.setups[0].model_copy(update={"operations": (finish,)}), mill(NARROW), LIBRARY).operations[-1]
+    lead = made.facts["tool_axis"]["lead_deg"]
+    mine, = (r for r in made.facts["compared"] if r["tool"] == made.tool.number and r["lead_deg"] == lead)
+    faster = [r for r in made.facts["compared"] if r["fits"] and r["estimated_time_s"] < mine["estimated_time_s"]
+              and r["lead_deg"] in (3.0, 15.0)]
+    assert mine["fits"] and made.tool.cutter.type in ("bull_nose", "flat")
+    refused = {(w.split()[0], float(w.split()[3])) for w in made.facts["not_taken"]}
+    assert {(f"T{r['tool']}", r["lead_deg"]) for r in faster} <= refused
 
 
 def with_axis(part, axis):

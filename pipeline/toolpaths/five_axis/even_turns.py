@@ -23,7 +23,7 @@ def even_angles(least_rad, window):
         return np.array(least_rad, float)
     half = window // 2
     highest = _windows(least_rad, window).max(axis=1)
-    return _mean(_mean(highest, half), window - half)
+    return mean_over(mean_over(highest, half), window - half)
 
 
 def runs_of_one_bearing(least_rad):
@@ -60,5 +60,6 @@ def _windows(values, half):
     return sliding_window_view(np.pad(values, half, mode="edge"), 2 * half + 1)
 
 
-def _mean(values, half):
+def mean_over(values, half):
+    """(n,) means over so many stations to either side, the ends' values going on beyond them."""
     return _windows(values, half).sum(axis=1) / (2 * half + 1) if half else values

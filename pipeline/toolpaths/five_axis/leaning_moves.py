@@ -106,6 +106,7 @@ class Swing(ABC):
     """What turns the axes of runs from the strategy's."""
 
     spacing_mm: float           # of the stations that it wants
+    draws_out: bool = True      # ways into the part and out of it run along the axis
 
     @abstractmethod
     def turns(self, runs):
@@ -202,7 +203,8 @@ def leaning(moves, rules):
     if not cuts.any():
         raise ToolpathError("no move touches the part: the axis has nothing to turn by")
     found, turns = _with_axes(middles, cuts, rules)
-    rows = _held_off_the_part(found, along_axis=rules.swing is not None or rules.corner is not None)
+    rows = _held_off_the_part(found, along_axis=rules.corner is not None or (
+        rules.swing is not None and rules.swing.draws_out))
     return _assembled(moves, _turned_evenly(rows, moves.kind == Kind.FEED, rules), cuts, turns, rules)
 
 

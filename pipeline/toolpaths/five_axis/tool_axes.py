@@ -22,6 +22,7 @@ from cuspline.values.arrays import frozen
 from cuspline.values.errors import ToolpathError
 from cuspline.values.models import KIND, Model, Point, by_kind
 
+LEANING = ("ball", "bull_nose", "flat", "tapered_ball", "lens", "apt")     # types that a LeadTilt leans
 LOST = 1e-6                 # a direction shorter than this, of what it was made of, points nowhere
 
 
@@ -32,6 +33,7 @@ def _with_a_length(direction):
 
 
 Direction = Annotated[Point, AfterValidator(_with_a_length)]
+Lead = Annotated[float, Field(gt=-90, lt=90)]
 REGISTERED: dict[str, type["ToolAxis"]] = {}
 
 
@@ -41,6 +43,8 @@ class ToolAxis(Model):
     kind: ClassVar[str] = ""
     limit_deg: float | None = Field(default=None, gt=0, le=170, description="the axis leans no farther from the setup's Z: what "
                                     "would is brought back to that, straight toward Z; left out: any way")
+    smooth_deg: float | None = Field(default=None, gt=0, le=60, description="a ball's axis may leave its strategy by so much "
+                                     "where the rotaries would not follow at full feed; left out: the feed is lowered there")
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs):
@@ -91,7 +95,8 @@ class ToolAxis(Model):
 class LeadTilt(ToolAxis):
     """At angles to the normal: lead along the feed, the holder ahead; tilt across it, to the right.
 
-    Pole: a feed along the normal has no direction on the surface.
+    With `toward` both are counted from that direction instead of the feed's: passes to and fro lean the same way, and links
+    between them turn nothing.  Pole: a feed, or `toward`, along the normal has no direction on the surface.
     """
 
     kind = "lead_tilt"
@@ -99,18 +104,49 @@ class LeadTilt(ToolAxis):
                             "below 0 it trails")
     tilt_deg: float = Field(default=0.0, gt=-90, lt=90, description="from there to the right of the feed, seen from the air; below "
                             "0 to the left")
+    toward: Direction | None = Field(default=None, description="lead and tilt count from this direction along the surface, part "
+                                     "coordinates; left out: from the feed's, so that every pass back leans the other way")
 
     def unlimited(self, places, normals, feeds):
         lead, tilt = math.radians(self.lead_deg), math.radians(self.tilt_deg)
+        feeds = feeds if self.toward is None else np.tile(np.array(self.toward), (len(normals), 1))
         ahead = _unit(feeds - _dot(feeds, normals) * normals, np.sqrt(_dot(feeds, feeds)))
         in_plane = fixed.cos(lead) * normals + fixed.sin(lead) * ahead
         return fixed.cos(tilt) * in_plane + fixed.sin(tilt) * np.cross(ahead, normals)
 
     def pole(self):
+        if self.toward is not None:
+            return "`toward` runs along the normal there; give it a direction along the faces"
         return "the feed runs along the normal there; plan such a wall by waterlines, or with a fixed axis"
 
     def seen_from(self, frame):
-        return self
+        return self if self.toward is None else self.model_copy(update={"toward": _turned(frame, self.toward)})
+
+
+class FastestAxis(ToolAxis):
+    """Lead and cutter as the comparison of all that the library has says: the fastest that fits and that plans.
+
+    Pole: as of LeadTilt.
+    """
+
+    kind = "fastest"
+    leads_deg: tuple[Lead, ...] = Field(default=(3.0, 5.0, 8.0, 12.0, 20.0, 30.0), min_length=1,
+                                        description="leads that are compared")
+    tilt_deg: float = Field(default=0.0, gt=-90, lt=90, description="as of lead_tilt")
+    toward: Direction | None = Field(default=None, description="as of lead_tilt")
+
+    def leading(self, lead_deg):
+        """LeadTilt of one lead."""
+        return LeadTilt(lead_deg=lead_deg, tilt_deg=self.tilt_deg, toward=self.toward, limit_deg=self.limit_deg)
+
+    def unlimited(self, places, normals, feeds):
+        return self.leading(self.leads_deg[0]).unlimited(places, normals, feeds)
+
+    def pole(self):
+        return self.leading(self.leads_deg[0]).pole()
+
+    def seen_from(self, frame):
+        return self if self.toward is None else self.model_copy(update={"toward": _turned(frame, self.toward)})
 
 
 class FixedAxis(ToolAxis):

@@ -7,6 +7,7 @@ how far from what may stand there.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,6 +47,8 @@ class TipLinkRules:
     lead_radius_mm: float           # of entry and exit arcs, vertical and tangent
     is_one_way: bool
     steepest_rad: float = math.pi / 2       # that the cutter goes down through stock: not all cut at their centre
+    standing: Callable | None = None        # function of places (n, 2) to (n,): the most that stands over the part about there;
+                                            # None: as the allowance of `stock` says
     bearing: str | None = None      # see ordered_paths
     rapids: Dropper | None = None   # the same as `stock` with a rapid's clearance all round: down to there rapids go straight
                                     # up and down; None: to the approach height
@@ -201,6 +204,8 @@ def _leads(order, rules):
     if rules.steepest_rad < LEAD_ANGLE_RAD:
         starts = np.array([p.tips_mm[0] for p in order])
         standing = rules.stock.tips_mm(starts[:, :2]) - starts[:, 2]
+        if rules.standing is not None:
+            standing = np.minimum(standing, rules.standing(starts[:, :2]))
         slope = float(fixed.tan(RAMP_SHARE * rules.steepest_rad))
         entries = [ramp(p.tips_mm, high + MARGIN_MM, slope, lead) if high > MARGIN_MM else lead
                    for p, high, lead in zip(order, standing, entries)]

@@ -11,6 +11,7 @@ from cuspline.planning.corner_gouges import bottom_depths_mm, least_bend_per_mm
 from cuspline.scallop.cusp import Stance, cutter_scallop_mm, effective_radius_mm
 from cuspline.scallop.stepover import stepover_for_scallop_mm
 from cuspline.shop.cutter_profile import apt_profile
+from cuspline.shop.cutters import Cutter
 from cuspline.surfaces.projection import ClosestTree
 from cuspline.toolpaths.five_axis.corner_contact import CornerContact
 from cuspline.values.errors import ToolpathError
@@ -46,6 +47,29 @@ def test_it_touches_the_plane_at_its_contact_and_nowhere_enters_it(corner_radius
     assert np.abs((tips * normals).sum(axis=1) - far).max() < 1e-9
     middle = tips + corner_radius * axes
     assert np.abs(np.linalg.norm(middle - corner_radius * normals, axis=1) - (5 - corner_radius)).max() < 1e-9
+
+
+FORMS = {"lens": (dict(type="lens", diameter_mm=10, corner_radius_mm=1, tip_radius_mm=40.0), 4.0, (40.0, 0.0)),
+         "rim of a lens": (dict(type="lens", diameter_mm=10, corner_radius_mm=1, tip_radius_mm=40.0), 25.0, (1.0, 4.0)),
+         "tapered ball": (dict(type="tapered_ball", diameter_mm=6, corner_radius_mm=3, taper_deg=5.0), 30.0, (3.0, 0.0)),
+         "barrel": (dict(type="apt", diameter_mm=10, corner_radius_mm=30.0, tip_angle_deg=20.0, taper_deg=0.0,
+                         corner_center_radius_mm=-25.0, corner_center_height_mm=16.0), 80.0, (30.0, -25.0))}
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_of_any_form_it_touches_with_the_arc_that_its_lean_presses_on_the_plane(form):
+    """The contact is the profile's own support there; across the feed it is as round as that arc and its middle say."""
+    shape, lead_deg, (arc, out) = FORMS[form]
+    cutter = Cutter(**{**dict(name="t", flutes=2, flute_length_mm=22.0, neck_diameter_mm=4.0, reach_mm=30.0,
+                              shank_diameter_mm=10.0, overall_length_mm=80.0), **shape})
+    c = CornerContact.of(cutter, math.radians(lead_deg), 0.0)
+    normals, feeds = np.array([[0.0, 0.0, 1.0], [0.0, 0.6, 0.8]]), np.array([[1.0, 0.0, 0.0], [0.0, 0.8, -0.6]])
+    axes, tips = posed(c, normals, feeds)
+    far, place = cutter.profile.support(np.full(2, np.pi - math.radians(lead_deg)))
+    assert np.abs((tips * normals).sum(axis=1) - far).max() < 1e-9
+    assert np.abs((-tips * axes).sum(axis=1) - place[:, 1]).max() < 1e-9           # the contact's height above the tip
+    assert c.corner_radius_mm == pytest.approx(arc) and c.across_mm == pytest.approx(
+        arc + out / math.sin(math.radians(lead_deg)))
 
 
 @pytest.mark.parametrize("lead, radius, step", [(5, 9.7148, 0.17632), (10, 4.8914, 0.12511), (20, 2.4987, 0.08942)])

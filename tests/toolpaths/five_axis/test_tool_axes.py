@@ -14,6 +14,7 @@ from cuspline.toolpaths.five_axis.tool_axes import (
     AlongLine,
     BetweenGuides,
     ClearingAxis,
+    FastestAxis,
     FixedAxis,
     Guide,
     LeadTilt,
@@ -25,7 +26,8 @@ from cuspline.values.frames import Frame
 
 ROUNDING = 1e-13            # of unit vectors
 X, Y, Z = np.eye(3)
-EVERY = (LeadTilt(lead_deg=12, tilt_deg=-25), FixedAxis(direction=(1, 2, 3)), ThroughPoint(point_mm=(1, -2, -50)),
+EVERY = (LeadTilt(lead_deg=12, tilt_deg=-25), LeadTilt(lead_deg=12, toward=(1, 0.5, 0)),
+         FastestAxis(leads_deg=(7,)), FixedAxis(direction=(1, 2, 3)), ThroughPoint(point_mm=(1, -2, -50)),
          AlongLine(point_mm=(1, 2, -30), direction=(1, 0.2, 0.1)),
          BetweenGuides(guides=(Guide(place_mm=(0, 0, 0), direction=(0, 0, 1)), Guide(place_mm=(9, 0, 0), direction=(1, 0, 1)))),
          ClearingAxis(around=LeadTilt(lead_deg=5), up_to_deg=40))
@@ -50,6 +52,12 @@ def test_lead_is_ahead_and_tilt_is_to_the_right():
     assert one(LeadTilt(lead_deg=10, tilt_deg=-5), normal=X, feed=Y) == pytest.approx(
         (math.cos(math.radians(10)) * math.cos(math.radians(5)), math.sin(math.radians(10)) * math.cos(math.radians(5)),
          math.sin(math.radians(5))))
+
+
+def test_counted_toward_a_direction_passes_back_lean_as_passes_out():
+    axis = LeadTilt(lead_deg=30, tilt_deg=20, toward=(0, 2, 0))
+    assert one(axis).tolist() == one(axis, feed=-X).tolist()
+    assert one(axis) == pytest.approx(one(LeadTilt(lead_deg=30, tilt_deg=20), feed=Y))
 
 
 @given(st.floats(-89, 89), st.floats(-89, 89))

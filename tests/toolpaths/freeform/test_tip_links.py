@@ -216,3 +216,14 @@ def test_a_ramp_runs_to_and_fro_over_its_path():
     assert way.sum() == pytest.approx(25.0) and ramp(path, 1.0, 0.001) is None
     on_path = np.where(tips[:, 0] < 3 - 1e-9, 1.0, 1.0 + tips[:, 1] / 4)
     assert tips[:, 2] - on_path == pytest.approx(0.04 * (25.0 - np.concatenate([[0], np.cumsum(way)])))
+
+
+def test_a_ramp_is_no_longer_than_what_stands_round_its_entry_asks(plain):
+    """The allowance is the most that stands anywhere: where nothing does, nothing is ramped."""
+    field, steepest = field_of(plain), np.radians(3.0)
+    rules = dict(steepest_rad=steepest, surface_link_mm=0.0, hop_mm=0.0)
+    length = lambda **more: float(np.linalg.norm(
+        (m := moves_of_tip_paths(lines_on(field), rules_of(plain, field, **rules, **more))).end_mm - m.starts_mm, axis=1)[
+            m.kind == 1].sum())
+    none, half = length(standing=lambda xy: np.zeros(len(xy))), length(standing=lambda xy: np.full(len(xy), STOCK_MM / 2))
+    assert none < half < length() and length(standing=lambda xy: np.full(len(xy), 9.0)) == length()
