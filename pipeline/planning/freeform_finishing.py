@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial import cKDTree
 
-from cuspline.planning.context import FinishingStage, finite, ridge_for_step_mm
+from cuspline.planning.context import FinishingStage, finite, path_tolerance_mm, ridge_for_step_mm
 from cuspline.planning.cutter_choice import ROUND
 from cuspline.planning.leaning_choice import compared, fastest
 from cuspline.planning.leaning_cusps import cusps_mm
@@ -53,6 +53,8 @@ TOUCH_UP_RIDGES = (0.5, 0.25)   # of the ridge, one round after the other
 TOUCH_UP_SHARE = 0.9        # of the cusp: what is left in so many places between the nodes may be a little more
 TOUCH_UP_STEPS = 0.6        # how far the touch-up reaches beyond
 LINK_STEPS = 3.0            # links along the surface are no longer than that
+RAMP_ABOVE, HIGHEST_RAMP_MM = 5.0, 0.045        # path tolerances above its path, where a leaning cutter's ramp ends: it comes back
+                            # against its pass, and would lead the other way where it touches
 ENTRY_RADII = 2.0           # round an entry, within which a leaning cutter may stand over stock
 HOP_RADII = 6.0             # links over what lies between
 FLAT_STEP_SHARE = 0.1       # of its radius: how closely a flat cutter's waterlines are looked for
@@ -499,6 +501,7 @@ def link_rules(work, tool, field, tolerance_mm, step_mm, feed, left_mm):
         hop_mm=HOP_RADII * radius, lead_radius_mm=0.0 if field.across else work.lead_radius_mm(radius),
         is_one_way=work.operation.passes == "one-way",
         steepest_rad=tool.cutter.steepest_rad, bearing=getattr(work.operation, "bearing", None),
+        ramp_above_mm=0.0 if field.across is None else min(RAMP_ABOVE * path_tolerance_mm(work.finish), HIGHEST_RAMP_MM),
         standing=None if field.across is None else lambda xy: work.standing_round_mm(xy, ENTRY_RADII * radius),
         rapids=None if work.operation.steepest_deg == 90.0 else work.dropper(
             field.dropper.radius_mm, field.dropper.corner_radius_mm, left_mm + RAPID_APPROACHES * work.practice.approach_mm))

@@ -49,6 +49,7 @@ class TipLinkRules:
     steepest_rad: float = math.pi / 2       # that the cutter goes down through stock: not all cut at their centre
     standing: Callable | None = None        # function of places (n, 2) to (n,): the most that stands over the part about there;
                                             # None: as the allowance of `stock` says
+    ramp_above_mm: float = 0.0      # ramps end so high above their path, the rest goes straight down
     bearing: str | None = None      # see ordered_paths
     rapids: Dropper | None = None   # the same as `stock` with a rapid's clearance all round: down to there rapids go straight
                                     # up and down; None: to the approach height
@@ -207,7 +208,8 @@ def _leads(order, rules):
         if rules.standing is not None:
             standing = np.minimum(standing, rules.standing(starts[:, :2]))
         slope = float(fixed.tan(RAMP_SHARE * rules.steepest_rad))
-        entries = [ramp(p.tips_mm, high + MARGIN_MM, slope, lead) if high > MARGIN_MM else lead
+        off = np.array([0.0, 0.0, rules.ramp_above_mm])
+        entries = [ramp(p.tips_mm + off, high + MARGIN_MM, slope, lead) if high > MARGIN_MM else lead
                    for p, high, lead in zip(order, standing, entries)]
     return entries, [out[k] if clear[n + k] else None for k in range(n)]
 
