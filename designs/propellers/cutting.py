@@ -48,6 +48,8 @@ EXTENSION_SLOPE = 0.0524    # of its sides: 3 degrees, as such extensions are so
 SEEN_DEG = 58.0             # between the faces' normals and the tool where positions are chosen
 CUT_DEG = 62.0              # and where they are cut: positions overlap
 PLACES = 1500               # of a blade, that are looked at
+CLOSER = 6000, 60.0         # and for what these positions leave; between normals and tool there
+LEFT_SHARE = 0.01           # of a blade, that no direction sees: more is refused, less is for the verdict to find
 MESH_MM = 0.02              # of the triangles that are looked at, off the part: a ball counts as touching within more
 ARBOR_SHARE = 0.85          # of the hub's diameter
 GAP_MM = 0.5                # between hub and arbor, blade and post: the casting's skin as it is
@@ -150,8 +152,24 @@ def _ways(design, p, balls, clampings):
     solid = brep.the_solid(design.solid, f"design {design.name}")
     held = [clamping.held for clamping in clampings]
     found = positions(solid, _of_blade_1(design, solid, p), find_library(None).model_copy(update={"tools": tuple(balls)}),
-                      ways=tuple(held), steepest_deg=SEEN_DEG, standing_mm=p.skin_mm, finely=(PLACES, MESH_MM))
+                      ways=tuple(held), steepest_deg=SEEN_DEG, standing_mm=p.skin_mm, finely=(PLACES, MESH_MM, CLOSER))
+    _refuse_unseen(found, balls, p)
     return [[q.direction for q in found.positions if q.held is one] for one in held]
+
+
+def _refuse_unseen(found, balls, p):
+    """
+    Raises:
+        DesignError: no direction sees some of the blade, and what would.
+    """
+    if found.left_mm2 <= LEFT_SHARE * found.area_mm2:
+        return
+    place, sizes = " ".join(f"{axis}{v:.1f}" for axis, v in zip("XYZ", found.left_at_mm)), [b.cutter.diameter_mm for b in balls]
+    raise DesignError(
+        f"blades_cut: no direction sees {found.left_mm2:.1f} of {found.area_mm2:.0f} mm2 of blade 1, about {place}, with balls of "
+        f"{' and '.join(f'{size:g}' for size in sizes)} mm in extensions of {p.extension_mm:g} mm and a skin of {p.skin_mm:g} mm: "
+        "another blade, the hub, spindle or table is in the way; change extension_mm or arbor_mm, take larger fillets, a thinner "
+        "skin or fewer blades")
 
 
 def _of_blade_1(design, solid, p):

@@ -152,11 +152,11 @@ def _made(order, work, say):
     if order.last_stage == "plan":
         trial.write_plan(trial.planned(plans), trial.planned_cuts)
         return _finished(order, work, inputs, None, off)
-    plans, job, first = trial.checked(plans)
     if order.last_stage == "gcode":
+        plans, job, _ = trial.checked(plans)
         trial.write_plan(plans, trial.planned_cuts)
         return _finished(order, work, inputs, job, off)
-    job, judged = trial.judged(plans, job, first)
+    job, judged = trial.judged(*trial.checked(plans))
     verify = {**judged.as_dict(order.accepted), "stock": _stock_files(work, job, judged, say, kept)}
     _stamp_verdict(work, job, verify)
     _write_json(work / "verify.json", verify)
@@ -271,7 +271,9 @@ class _Trial:
         return [[cut.as_dict() for cut in met_by(plan)] for plan in plans]
 
     def posted(self, plans, instead_of=None):
-        """plan.json, programs and tools on disk; Job."""
+        """plan.json, programs and tools on disk; Job.  What was made of other plans is let go."""
+        for key in self.known.keys() - {id(plan) for plan in plans}:
+            del self.known[key]
         for name in instead_of.program_names if instead_of else ():
             (self.work / name).unlink()
         self.tell(f"post for {self.order.machine.name}")
@@ -304,6 +306,7 @@ class _Trial:
             if not is_changed:
                 return plans, job, first
             self.tell(f"planned again, round {number} of the planner's own check")
+            first = None                # large: let go before the next is made
             job = self.posted(plans, instead_of=job)
         return plans, job, None
 
@@ -337,7 +340,8 @@ class _Trial:
             if not is_mended:
                 break
             self.tell(f"corrected, round {number} of {mending.ROUNDS}")
-            job, first = self.posted(plans, instead_of=job), None
+            first = judged = None       # large: let go before the next are made
+            job = self.posted(plans, instead_of=job)
         self.write_plan(plans, lambda held: [v.numbers["process"]["operations"] for v in judged.verdict.setups])
         return job, replace(judged, verdict=mending.with_reasons(judged.verdict, plans),
                             extra=(*judged.extra, *(f for plan in plans for f in plan.idle)))

@@ -131,6 +131,7 @@ def _setup_bundle(work, judged, k, item, drawn, job):
         markers=_markers(item.setup.markers, item.setup), held_frame=item.setup.clamped_frame if item.setup.indexed else None,
         marked_for_later=_markers({m.name: m for later in job.posted[k + 1:] for m in later.setup.markers}.values(), item.setup)
         if not item.setup.markers else (),
+        markers_elsewhere=_elsewhere(k, [p.setup for p in job.posted]), rotaries=_rotaries(posted, item.setup, machine),
         lies_in_words="" if lies is None else refixturing_in_words(lies).lower(),
         turned_in_words=_turned_in_words(posted, item.setup, machine, is_held_as_before), is_held_as_before=is_held_as_before,
         swings_in_words=_swings_in_words(judged.read[k].whole, machine),
@@ -156,6 +157,32 @@ def _setup_bundle(work, judged, k, item, drawn, job):
 def _markers(markers, setup):
     """((name, (x, y, z) in the WCS of what holds the part), ...)."""
     return tuple((m.name, _triple(setup.clamped_frame.into(np.array([m.at_mm]))[0])) for m in markers)
+
+
+def _elsewhere(k, setups):
+    """{name: (setup, (x, y, z) in the WCS of what holds the part there)} of the markers that setup k's sheet names: where those
+    of a later clamping are touched, and where its own are in the clamping before."""
+    mine = setups[k]
+    others = [s for s in (setups[:k][::-1] if mine.markers else setups[k + 1:]) if not s.is_held_as(mine)]
+    found = {}
+    for other in others:
+        for name, place in _markers((mine if mine.markers else other).markers, other):
+            found.setdefault(name, (other.name, place))
+    return found
+
+
+def _rotaries(posted, setup, machine):
+    """((letter, degrees or None, (2, 3) point and direction, part coordinates), ...) of the rotary axes that carry the part."""
+    held, found = setup.clamped_frame, []
+    for k, letter in enumerate(machine.rotaries):
+        if letter not in machine.chain[:machine.chain.index("bed")]:
+            continue
+        axis = getattr(machine, letter.lower())
+        pivot = np.array(axis.pivot_mm) + axis.offset_mm - machine.wcs_origin_mm
+        stands = posted.rotary_deg[-1, k] if setup.indexed and len(posted) else np.nan
+        found.append((letter, round(float(stands), 4) if np.isfinite(stands) else None,
+                      np.vstack([held.out(pivot[None]), held.turn_out(np.array([axis.direction], float))])))
+    return tuple(found)
 
 
 def _turned_in_words(posted, setup, machine, is_held_as_before):

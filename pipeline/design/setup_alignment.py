@@ -6,6 +6,7 @@ Indexed positions follow their clamping: the rotary axes lean by what the part d
 """
 
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
@@ -101,9 +102,9 @@ def refixtured(setup, measured_mm, places_mm=()):
         raise InputError(f"{setup.name}: its markers are in one line within {_arm_mm(nominal_mm):.3f} mm: the turn "
                          f"about it stays open; measure one that is at least {2 * ARM_LIMITS * limit:g} mm beside it")
     fit, names = fitted_frame(nominal_mm, found_mm), [m.name for m in setup.markers]
-    worst = int(fit.residual_mm.argmax())
-    if fit.residual_mm[worst] > limit:
-        raise InputError(f"{setup.name}: marker {names[worst]} is {fit.residual_mm[worst]:.4f} mm from where the "
+    if fit.residual_mm.max() > limit:
+        wrong, off_mm = _wrong_marker(nominal_mm, found_mm, limit) or (int(fit.residual_mm.argmax()), fit.residual_mm.max())
+        raise InputError(f"{setup.name}: marker {names[wrong]} is {off_mm:.4f} mm from where the "
                          f"others put it, more than {limit:g} mm: {_advice(setup, nominal_mm, found_mm)}")
     turn_deg = np.degrees(_turn_rad(fixed.matmul(designed.rotation.T, fit.frame.rotation)))
     if np.abs(turn_deg).max() > TURN_LIMIT_DEG:
@@ -233,8 +234,36 @@ def _arm_mm(points_mm):
     return float(fixed.singular_values(points_mm - points_mm.mean(axis=0))[1][1] / np.sqrt(len(points_mm)))
 
 
+def _wrong_marker(nominal_mm, found_mm, limit_mm):
+    """(index, mm from where the others put it) of the one marker without which all others fit; None where there is no such one.
+
+    Least squares share an error of one marker out among all: the largest residual may be another's.
+    """
+    found = []
+    for k in range(len(nominal_mm)) if len(nominal_mm) > LEAST_MARKERS else ():
+        others = np.delete(nominal_mm, k, axis=0)
+        fit = fitted_frame(others, np.delete(found_mm, k, axis=0))
+        if fit.residual_mm.max() <= limit_mm and _arm_mm(others) >= ARM_LIMITS * limit_mm:
+            found.append((k, float(fixed.length(fit.frame.out(found_mm[k:k + 1])[0] - nominal_mm[k]))))
+    return found[0] if len(found) == 1 else None
+
+
+def _swapped(setup, nominal_mm, found_mm):
+    """Names of two markers that are changed over: with them changed back all fit; () where there are none."""
+    names = [m.name for m in setup.markers]
+    for j, k in combinations(range(len(names)), 2):
+        back = found_mm.copy()
+        back[[j, k]] = found_mm[[k, j]]
+        if fitted_frame(nominal_mm, back).residual_mm.max() <= setup.marker_limit_mm:
+            return names[j], names[k]
+    return ()
+
+
 def _advice(setup, nominal_mm, found_mm):
-    """Whether the measured places fit once one axis is mirrored, or once they are millimetres."""
+    """Whether the measured places fit once two are changed over, one axis is mirrored, or once they are millimetres; or whether
+    one marker alone is wrong."""
+    if swapped := _swapped(setup, nominal_mm, found_mm):
+        return f"with {' and '.join(swapped)} changed over all would fit: they are swapped"
     changes = [(np.where(np.arange(3) == axis, -1.0, 1.0),
                 f"with the sign of {name} changed all would fit: they are mirrored") for axis, name in enumerate("XYZ")]
     changes += [(25.4, "they look like inches; give millimetres"),
@@ -242,7 +271,13 @@ def _advice(setup, nominal_mm, found_mm):
     fits = [(fitted_frame(nominal_mm, found_mm * factor), words) for factor, words in changes]
     near = [(np.trace(fixed.matmul(setup.clamped_frame.rotation.T, fit.frame.rotation)), words) for fit, words in fits
             if fit.residual_mm.max() <= setup.marker_limit_mm]
-    return max(near)[1] if near else "measure it again, and look whether the right markers were touched"
+    if near:
+        return max(near)[1]
+    if len(nominal_mm) == LEAST_MARKERS:
+        return ("of three markers nobody can say which is wrong: measure all again, look whether the right ones were touched, and "
+                "name a fourth")
+    return ("measure it again, and look whether the right markers were touched"
+            + ("; all others fit" if _wrong_marker(nominal_mm, found_mm, setup.marker_limit_mm) else ""))
 
 
 def _turn_rad(rotation):

@@ -23,6 +23,8 @@ from cuspline.values.errors import CutterDoesNotFit, PostError
 from cuspline.values.frames import Frame
 
 RING_DEG = 20.0             # between directions
+CLOSER_DEG = 10.0           # between those that are tried for what these leave
+LEAST_LEFT_MM2 = 0.5        # then: a direction that adds less is not worth its turn
 LOOKED_AT = 5000            # places of the faces, spread over their samples, unless others are asked for
 LEAST_SHARE = 1e-3          # of the area: a direction that adds less is not worth its turn
 NEARLY_ALL = 0.99           # of what a direction adds: the largest ball that sees so much is named
@@ -61,7 +63,7 @@ class Positions:
 
 
 def positions(solid, indices, library, *, ways=None, steepest_deg=60.0, standing_mm=0.0,
-              finely=(LOOKED_AT, MESH_DEFLECTION_MM)):
+              finely=(LOOKED_AT, MESH_DEFLECTION_MM, None)):
     """Few positions that see most of some faces.
 
     Args:
@@ -71,9 +73,10 @@ def positions(solid, indices, library, *, ways=None, steepest_deg=60.0, standing
         steepest_deg: between a place's normal and the direction, at the most.
         standing_mm: material that may still stand on the part, which holder and shank keep clear of.
         finely: places of the faces that are looked at, at the most; how far the triangles that tools keep clear of may lie off
-            the part, mm.
+            the part, mm; None or (places, steepest_deg) of a second look at what these positions leave: directions CLOSER_DEG apart
+            are tried for it until none adds LEAST_LEFT_MM2; `ways` are of Held then.
     Returns:
-        Positions.
+        Positions; what is left is told by the last look.
     Raises:
         CutterDoesNotFit: the library has no ball.
     """
@@ -82,23 +85,33 @@ def positions(solid, indices, library, *, ways=None, steepest_deg=60.0, standing
     balls = (library if held is None else library.in_spindle(round_the_spindle(held.machine))).of_type("ball")
     if not balls:
         raise CutterDoesNotFit("no position sees anything: the tool library has no ball; add one to the file of --cutters")
-    places, mesh_mm = finely
-    some, ways = _some_samples(solid, indices, places), np.array([way for way, _ in candidates]).reshape(-1, 3)
+    places, mesh_mm, closer = finely
     mesh = brep.planning_mesh(solid, mesh_mm)
     tree = ClearanceTree.of_triangles(mesh.vertices_mm, mesh.triangles)
-    on_tools = [_Ball.of_tool(tool, tree, some, standing_mm) for tool in balls]
-    is_gentle = fixed.matmul(some.normal, np.transpose(ways)) >= fixed.cos(np.radians(steepest_deg)) - NEARLY
-    tables = [None if held is None else held.tables_from(way) for way, held in candidates]
-    seen = np.array([ball.seen_from(way, gentle, beside) for way, gentle, beside in zip(ways, is_gentle.T, tables)
-                     for ball in on_tools])
-    seen = seen.reshape(len(ways), len(balls), -1)
-    return _chosen(candidates, seen, some, balls)
+    look = _Look.at(_some_samples(solid, indices, places), balls, tree, standing_mm)
+    area = look.samples.area_mm2
+    found, left = look.chosen(candidates, np.ones(len(area), bool), steepest_deg, LEAST_SHARE * float(area.sum()))
+    if closer is not None:
+        more, steepest_deg = closer
+        look = _Look.at(_some_samples(solid, indices, more), balls, tree, standing_mm)
+        left = ~look.seen([(p.direction, p.held) for p in found], steepest_deg).any(axis=(0, 1))
+        again = tuple(replace(h, ways=turnable(directions(CLOSER_DEG), h.machine.kinematics, h.frame)) for h in _helds(ways))
+        added, left = look.chosen(_candidates(again), left, steepest_deg, LEAST_LEFT_MM2)
+        found += added
+    area = look.samples.area_mm2
+    return Positions(positions=tuple(found), area_mm2=float(area.sum()), left_mm2=float(area[left].sum()),
+                     left_at_mm=_middle_of(look.samples.point_mm[left]))
+
+
+def _helds(ways):
+    """(Held, ...) of the `ways` of `positions`."""
+    return ways if isinstance(ways, tuple) else (ways,)
 
 
 def _candidates(ways):
     """[((3,) direction, Held or None)] of the `ways` of `positions`."""
     if isinstance(ways, (Held, tuple)):
-        return [(way, held) for held in (ways if isinstance(ways, tuple) else (ways,)) for way in held.ways]
+        return [(way, held) for held in _helds(ways) for way in held.ways]
     return [(way, None) for way in (directions() if ways is None else ways)]
 
 
@@ -127,12 +140,12 @@ class Held:
                                           np.vstack([f.triangles + first for f, first in zip(found, begins)]))
 
 
-def directions():
-    """(n, 3) unit vectors on rings about Z, RING_DEG apart or less, the poles and the main directions among them."""
+def directions(apart_deg=RING_DEG):
+    """(n, 3) unit vectors on rings about Z, so far apart or less, the poles and the main directions among them."""
     found = [np.eye(3), -np.eye(3)]
-    rings = np.radians(np.arange(RING_DEG, 180.0, RING_DEG))
+    rings = np.radians(np.arange(apart_deg, 180.0, apart_deg))
     for polar in rings:
-        count = int(np.ceil(360.0 / RING_DEG * fixed.sin(polar) - 1e-9))
+        count = int(np.ceil(360.0 / apart_deg * fixed.sin(polar) - 1e-9))
         around = 2 * np.pi * np.arange(count) / count
         found.append(np.column_stack([fixed.sin(polar) * fixed.cos(around), fixed.sin(polar) * fixed.sin(around),
                                       np.full(count, fixed.cos(polar))]))
@@ -204,25 +217,55 @@ class _Ball:
         return is_seen
 
 
-def _chosen(candidates, seen, samples, balls):
-    """Positions, greedily; seen: (candidates, balls, n)."""
-    area, by_any, found = samples.area_mm2, seen.any(axis=1), []
-    left = np.ones(len(area), bool)
-    while candidates:
-        adds = np.array([area[sees & left].sum() for sees in by_any])
-        best = int(adds.argmax())
-        if adds[best] < LEAST_SHARE * area.sum():
-            break
-        new = by_any[best] & left
-        of_ball = np.array([area[sees & new].sum() for sees in seen[best]])
-        enough = np.flatnonzero(of_ball >= NEARLY_ALL * adds[best])
-        largest = max(enough if len(enough) else [int(of_ball.argmax())], key=lambda k: balls[k].cutter.diameter_mm)
-        direction, held = candidates[best]
-        found.append(Position(direction=direction, tool=balls[largest], sees_mm2=float(area[by_any[best]].sum()),
-                              adds_mm2=float(adds[best]), held=held))
-        left &= ~by_any[best]
-    return Positions(positions=tuple(found), area_mm2=float(area.sum()), left_mm2=float(area[left].sum()),
-                     left_at_mm=_middle_of(samples.point_mm[left]))
+@dataclass(frozen=True, eq=False)
+class _Look:
+    """Places of the faces, and balls where they touch them."""
+
+    samples: object             # FaceSamples
+    balls: list                 # Tools
+    on_tools: list              # _Ball of each
+
+    @classmethod
+    def at(cls, samples, balls, tree, standing_mm):
+        return cls(samples, balls, [_Ball.of_tool(tool, tree, samples, standing_mm) for tool in balls])
+
+    def seen(self, candidates, steepest_deg, wanted=None):
+        """(candidates, balls, n) bool: who sees which places; of those that are not wanted (n,) none is asked."""
+        found = np.zeros((len(candidates), len(self.balls), len(self.samples.area_mm2)), bool)
+        steep = fixed.cos(np.radians(steepest_deg)) - NEARLY
+        for k, (way, held) in enumerate(candidates):
+            gentle = fixed.matmul(self.samples.normal, way) >= steep
+            gentle = gentle if wanted is None else gentle & wanted
+            if gentle.any():
+                tables = None if held is None else held.tables_from(way)
+                found[k] = [ball.seen_from(way, gentle, tables) for ball in self.on_tools]
+        return found
+
+    def chosen(self, candidates, left, steepest_deg, least_mm2):
+        """([Position], (n,) bool: places that they leave), greedily, of places that are left (n,) bool.
+
+        Args:
+            least_mm2: a direction that adds less is not taken.
+        """
+        seen, area, found = self.seen(candidates, steepest_deg, None if left.all() else left), self.samples.area_mm2, []
+        by_any, left = seen.any(axis=1), left.copy()
+        while candidates:
+            adds = np.array([area[sees & left].sum() for sees in by_any])
+            best = int(adds.argmax())
+            if adds[best] < least_mm2:
+                break
+            found.append(self._position(candidates[best], seen[best], by_any[best] & left))
+            left &= ~by_any[best]
+        return found, left
+
+    def _position(self, candidate, sees, new):
+        """Position of a candidate whose balls see places (balls, n) and add some (n,)."""
+        area, (direction, held) = self.samples.area_mm2, candidate
+        adds, of_ball = area[new].sum(), np.array([area[own & new].sum() for own in sees])
+        enough = np.flatnonzero(of_ball >= NEARLY_ALL * adds)
+        largest = max(enough if len(enough) else [int(of_ball.argmax())], key=lambda k: self.balls[k].cutter.diameter_mm)
+        return Position(direction=direction, tool=self.balls[largest], sees_mm2=float(area[sees.any(axis=0)].sum()),
+                        adds_mm2=float(adds), held=held)
 
 
 def _middle_of(points_mm):

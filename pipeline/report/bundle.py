@@ -70,6 +70,9 @@ class SetupBundle:
     frame: Frame                    # WCS seen from the part
     markers: tuple                  # (name, (x, y, z) in WCS) of what is touched to find how the part lies
     marked_for_later: tuple = ()    # the same of what a later clamping touches, as it lies here
+    markers_elsewhere: dict = field(default_factory=dict)   # name of either -> (setup of another clamping, the place in its WCS)
+    rotaries: tuple = ()            # (letter, degrees or None, (2, 3) a point of it and its direction, part coordinates while all
+                                    # stand at 0) of the rotary axes that carry the part
     held_frame: Frame | None = None     # of the WCS of what holds the part, where the frame is turned from it
     lies_in_words: str              # how it was found to lie; "" as designed
     is_held_as_before: bool = False     # an indexed position of the same clamping as the setup before it

@@ -22,6 +22,8 @@ from cuspline.values import fixed_math as fixed
 NOTICE = ("Simulated only: nothing here says that the program has run on a machine. "
           "Prove it out before you trust it: single block, reduced rapid, hand on feed hold.")
 SAME_MM = 1e-6                                  # corners at the same distance from the eye
+ON_AXIS_MM = 5e-5                               # nearer, the zero is on an axis as well as a control shows it
+AXIS_SHARE = 0.45                               # of the stock's diagonal, that a rotary axis is drawn to either side
 DRAWING_WIDTH, DRAWING_HEIGHT = 460.0, 330.0    # of the WCS picture, SVG units
 EYE = np.array([-0.75, -1.3, 0.95])             # the operator's side: front, a little from the left, above
 
@@ -93,8 +95,30 @@ def zero_rows(bundle, setup):
     return [("Zero", f"{setup.wcs}: {setup.wcs_in_words}"), *turned, *swings, ("Stock", stock_size(setup)), *held,
             (f"Stock in {setup.axes_name if turned else 'WCS'}", spans(setup.stock_box_mm)), ("Tip goes", spans(setup.extents_mm)),
             ("Finished part", lengths.box_size(bundle.part_box_mm)), *lies,
-            *((f"Marker {name}", _place(place, lengths)) for name, place in setup.markers),
-            *((f"Marker {name}, for later", _place(place, lengths)) for name, place in setup.marked_for_later)]
+            *((f"Axis {axis[0]}", _axis_in_words(setup, axis, lengths)) for axis in setup.rotaries),
+            *((f"Marker {name}", _place(place, lengths) + _elsewhere(setup, name, lengths)) for name, place in setup.markers),
+            *((f"Marker {name}, for later", _place(place, lengths) + _elsewhere(setup, name, lengths))
+              for name, place in setup.marked_for_later)]
+
+
+def _axis_in_words(setup, axis, lengths):
+    """Where a rotary axis that carries the part runs in the WCS of what holds it while all rotaries stand at 0, and its angle."""
+    held, (letter, degrees, line) = setup.as_it_stands, axis
+    at, along = held.into(line[:1])[0], held.turn_into(line[1:])[0]
+    along = along / fixed.length(along)
+    nearest = at - (at * along).sum() * along + 0.0                               # to the zero
+    way = next((f"{'-' if along[k] < 0 else ''}{'XYZ'[k]}" for k in range(3) if abs(along[k]) > 1 - SAME_MM), None)
+    way = f"along {way}" if way else "along " + " ".join(f"{name}{x:.4f}" for name, x in zip("XYZ", along))
+    through = "through the zero" if fixed.length(nearest) < ON_AXIS_MM else f"through {_place(nearest, lengths)}"
+    return f"{way} of {setup.wcs}, {through}" + ("" if degrees is None else f"; here {letter}{degrees:g} degrees")
+
+
+def _elsewhere(setup, name, lengths):
+    """Where a marker is in the WCS of another clamping."""
+    if name not in setup.markers_elsewhere:
+        return ""
+    other, place = setup.markers_elsewhere[name]
+    return f"; in {other} {_place(place, lengths)}"
 
 
 def stock_size(setup):
@@ -213,11 +237,12 @@ def wcs_drawing(bundle, setup):
     lines += [_polyline(look(edge), "hidden" if far else "stock")
               for edge, far in zip(setup.stock_edges_mm, (away <= away.min(initial=np.inf) + SAME_MM).any(axis=1))]
     lines += [] if setup.is_held_as_before else _dimensions(look, setup, low, high)       # they stand on the first sheet
+    lines += [mark for axis in setup.rotaries for mark in _axis_line(look, axis, AXIS_SHARE * float(fixed.length(high - low)))]
     lines += [mark for name, place in (*setup.markers, *setup.marked_for_later)
               for mark in _marked(look(setup.as_it_stands.out(np.array([place])))[0], name)]
     lines += _triad(look, setup, float(fixed.length(high - low)))
     style = (".part{stroke:#6b7785;stroke-width:.7}.fixture{stroke:#33669e;stroke-width:.7}.stock{stroke:#a8620c;stroke-width:1.3}"
-             ".marker{fill:#fff;stroke:#7b1fa2;stroke-width:1.4}"
+             ".axis{stroke:#00796b;stroke-width:1;stroke-dasharray:12 3 2 3}.marker{fill:#fff;stroke:#7b1fa2;stroke-width:1.4}"
              ".hidden{stroke:#a8620c;stroke-width:.8;stroke-dasharray:4 3}polyline{fill:none}"
              "text{font:12px sans-serif;fill:#1b2330;paint-order:stroke;stroke:#fff;stroke-width:3px}")
     return (f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {DRAWING_WIDTH:g} {DRAWING_HEIGHT:g}" role="img">'
@@ -238,6 +263,14 @@ def _projector(bundle, setup):
     scale = ((np.array([DRAWING_WIDTH, DRAWING_HEIGHT]) - 2 * margin) / np.maximum(size, 1e-9)).min()
     shift = (np.array([DRAWING_WIDTH, DRAWING_HEIGHT]) - scale * size) / 2
     return lambda points: (seen(np.atleast_2d(points)) - low) * scale + shift
+
+
+def _axis_line(look, axis, half_mm):
+    """A rotary axis: a chain line through the part, its letter and angle at the end that it turns right-handed about."""
+    letter, degrees, (at, along) = axis
+    along = along / fixed.length(along)
+    ends = look(np.vstack([at - half_mm * along, at + half_mm * along]))
+    return [_polyline(ends, "axis"), _text(ends[1] + (6, 4), letter if degrees is None else f"{letter}{degrees:g}°")]
 
 
 def _marked(point, name):

@@ -15,6 +15,7 @@ from cuspline.values.known import Known
 
 LATTICE = 800_000         # cubes of the lattice on which stock with undercuts is met
 WALL_MM = 1e-4            # grid lines hug vertical walls at this distance
+HELD = 4                  # clampings up to which their solids are held: each is some 40 MB
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -46,7 +47,11 @@ class Field:
 
 
 class StockSolids:
-    """Fields of all clampings of a workpiece, each made once."""
+    """Fields of all clampings of a workpiece.
+
+    What is asked again and again is made once: the fields as they are, of up to HELD clampings, and the heights of all.  A
+    field with grown cutters is asked for once or twice, and not held.
+    """
 
     def __init__(self, piece, pitches_mm, wall_vertices_mm=None, wall_triangles=None, heights=stock_height_mm):
         """Grid lines hug upright walls of the triangles (part coordinates), if any are given.
@@ -56,11 +61,13 @@ class StockSolids:
         self.piece, self.pitches_mm, self._heights = piece, pitches_mm, heights
         self._walls = [upright_walls(c.frame.into(wall_vertices_mm), wall_triangles) if wall_vertices_mm is not None
                        else ([], []) for c in piece.cuts]
-        self._made, self._lattices, self._whole = Known(), Known(), Known()
+        self._made, self._z, self._lattices, self._whole = Known(), Known(), Known(), Known()
 
     def field(self, k, grown_mm=0.0):
         """Field of clamping k, its cutters grown by so much (negative: shrunk)."""
-        return self._made.once((k, grown_mm), lambda: self._field(k, grown_mm))
+        if grown_mm or len(self.piece.cuts) > HELD:
+            return self._field(k, grown_mm)
+        return self._made.once(k, lambda: self._field(k, grown_mm))
 
     def _field(self, k, grown_mm):
         cut = self.piece.cuts[k]
@@ -69,8 +76,8 @@ class StockSolids:
         field = partial(Field, frame=cut.frame, pitch_mm=self.pitches_mm[k], xs=xs, ys=ys, low=low, high=high)
         if not is_height_field(cut.paths):
             return field(z=np.zeros(0), solid=self._hollow(k, low, high).solid(grown_mm), is_height_field=False)
-        xy = np.column_stack([np.tile(xs, len(ys)), np.repeat(ys, len(xs))])
-        z = self._heights(cut.paths, xy, high[2], grown_mm)
+        ask = lambda: self._heights(cut.paths, np.column_stack([np.tile(xs, len(ys)), np.repeat(ys, len(xs))]), high[2], grown_mm)
+        z = ask() if grown_mm else self._z.once(k, ask)
         return field(z=z, solid=solids.height_field(xs, ys, z.reshape(len(ys), len(xs)), low[2]), is_height_field=True)
 
     def _hollow(self, k, low, high):

@@ -19,6 +19,17 @@ def drop_mesh(vertices_mm, triangles):
     return DropMesh.from_triangles(vertices_mm, triangles)
 
 
+def upper(vertices_mm, triangles):
+    """The triangles (m, 3) of a closed solid on which something that comes from above can rest: those that do not look down.
+
+    Where an edge or a corner carries it, one of the faces that meet there looks up.  They are half of them.
+    """
+    a, b, c = (vertices_mm[triangles[:, k]] for k in range(3))
+    u, v = b - a, c - a
+    normal_z = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+    return triangles[normal_z >= LEVEL * np.sqrt((u * u).sum(axis=1) * (v * v).sum(axis=1))]
+
+
 def why_unreachable_leaning(closest, points_mm, normals, ball_radius_mm):
     """(n,) REACHABLE or TOO_NARROW for a ball that may come from any side: it must fit where it touches.
 

@@ -82,9 +82,9 @@ def compare(made, k, part, drops, required, residuals, limits):
     region = _region(vertices, triangles[np.isin(tessellation.face, required)], low, high)
     surface_mm = limits.surface_error_mm
     # one large solid stands at a time
-    bodies, artefacts = _bodies("excess", (made.stock(frame, excess_mm) - design) ^ region,
-                                _beyond_excess(made, k, excess_mm), excess_mm, _Seen(found, frame, part, required), surface_mm)
-    more, others = _bodies("gouge", design - made.field(k, -gouge_mm).solid, _beyond_gouge(made, k, gouge_mm), gouge_mm,
+    bodies, artefacts = _bodies("excess", (made.stock(frame, excess_mm) - design) ^ region, _beyond_excess(
+        made, k, high[2], excess_mm), excess_mm, _Seen(found, frame, part, required), surface_mm)
+    more, others = _bodies("gouge", design - made.field(k, -gouge_mm).solid, _beyond_gouge(made, k, high[2], gouge_mm), gouge_mm,
                            _Seen(own, frame, part), surface_mm)
     held = volumes(lambda prism: _above_mm3(((made.stock(frame) ^ prism) - design) ^ region, _Seen(found, frame, part)),
                    lambda prism: ((design ^ prism) - field.solid).volume(), field,
@@ -97,9 +97,10 @@ def compare(made, k, part, drops, required, residuals, limits):
         tessellation_mm=surface_mm, pitch_mm=field.pitch_mm, volumes=held)
 
 
-def _beyond_excess(made, k, by):
-    """Function of points (n, 3) in clamping k's WCS: how far stock reaches above them though all cutters are grown."""
-    top, cuts = made.field(k).high[2], made.piece.cuts
+def _beyond_excess(made, k, top, by):
+    """Function of points (n, 3) in clamping k's WCS: how far stock, no higher than `top`, reaches above them though all cutters
+    are grown."""
+    cuts = made.piece.cuts
     paths = tuple(p.grown(by) for p in cuts[k].paths)
     others = [(c.frame, tuple(p.grown(by) for p in c.paths)) for j, c in enumerate(cuts) if j != k]
 
@@ -112,9 +113,9 @@ def _beyond_excess(made, k, by):
     return beyond_mm
 
 
-def _beyond_gouge(made, k, by):
-    """Function of points (n, 3): how far below them clamping k's shrunk cutters have gone."""
-    top, paths = made.field(k).high[2], tuple(p.grown(-by) for p in made.piece.cuts[k].paths)
+def _beyond_gouge(made, k, top, by):
+    """Function of points (n, 3): how far below them clamping k's shrunk cutters have gone; stock is no higher than `top`."""
+    paths = tuple(p.grown(-by) for p in made.piece.cuts[k].paths)
     if not is_height_field(paths):
         return lambda points: -signed_distance_mm(paths, points)
     return lambda points: points[:, 2] - stock_height_mm(paths, points[:, :2], top)

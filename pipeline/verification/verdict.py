@@ -32,7 +32,7 @@ from cuspline.verification.cusps import Cusps, SampledStock, measured_cusps
 from cuspline.verification.excess_proof import ExcessProof, prove_excess
 from cuspline.verification.in_process import PART
 from cuspline.verification.process_findings import process_of
-from cuspline.verification.reach import REACHABLE, drop_mesh
+from cuspline.verification.reach import REACHABLE, drop_mesh, upper
 from cuspline.verification.reporter import MISSED, NOISE_MM, Reporter, allowed_mm, rounded
 from cuspline.verification.residuals import (
     LIMIT_MM,
@@ -286,7 +286,8 @@ class _LookedAt:
 
         def made():
             mesh = self.triangles(within_mm)
-            corners, triangles = with_left(mesh.vertices_mm, mesh.triangles, left)
+            up = upper(frame.into(mesh.vertices_mm), mesh.triangles)
+            corners, triangles = with_left(mesh.vertices_mm, up, left)
             return drop_mesh(frame.into(corners), triangles)
 
         return self._made.once(("drops", within_mm, frame.rotation.tobytes(), frame.origin_mm.tobytes(), repr(left)), made)

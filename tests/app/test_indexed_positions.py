@@ -170,6 +170,28 @@ def test_a_pivot_off_by_a_tenth_of_a_millimetre_is_a_gouge_of_as_much(block):
     assert max(f.amount_mm for f in gouges) == pytest.approx(0.1 * (np.cos(steep) + np.sin(steep)), abs=0.01)   # its own gouge_mm
 
 
+def test_a_centre_of_b_off_by_0_05_mm_that_nobody_has_told_is_a_gouge_of_as_much(tmp_path):
+    """On the machine that propellers are cut on: B turned by 90 degrees shifts the part by what its axis is off, along the tool.
+
+    The wall of the hollow is 20 degrees steep at its border: 0.05 (cos + sin) along its normal.
+    """
+    first = order(tmp_path / "out", "mill_a_on_b")
+    folder = build(replace(first, design=right_alone(catalogue.make_design(first.source, ["sides=3"])))).folder
+    job = read_job(folder)
+    assert judge(folder, job, options=COARSE).as_dict(())["ok"]
+    b = job.machine.b.model_copy(update={"offset_mm": (-0.05, 0.0, 0.0)})
+    off = job.model_copy(update={"machine": job.machine.model_copy(update={"b": b})})
+    gouge = max(f.amount_mm for f in judge(folder, off, options=COARSE).findings if f.kind == "gouge")
+    steep = np.arcsin(np.sqrt(2 * 16 - 1) / 16)
+    assert gouge == pytest.approx(0.05 * (np.cos(steep) + np.sin(steep)), abs=0.01)
+
+
+def right_alone(design):
+    """The block, the hollow in its right side alone cut: the one position of a clamping that holds it upright."""
+    own = {"clamped_x": (1.0, 0.0, 0.0), "clamped_z": (0.0, 0.0, 1.0)}
+    return replace(design, setups=(design.setups[2].model_copy(update=own),))
+
+
 def test_the_machine_of_the_part_must_turn_it(tmp_path):
     with pytest.raises(PlanError, match="front is an indexed position, and mill_3axis has no rotary axes: take a machine that has"):
         build(order(tmp_path / "out", "mill_3axis"))

@@ -96,11 +96,31 @@ def mirrored(axis):
     ({n: tuple(x / 25.4 for x in p) for n, p in lying().items()}, "look like inches"),
     ({n: tuple(x / 10 for x in p) for n, p in lying().items()}, "look like centimetres"),
     (lying(turn_deg=(0, 0, 8)), "8.000 degrees off"),
-    (dict(zip("abcd", [lying()[n] for n in "bacd"])), "whether the right markers were touched"),
+    (dict(zip("abcd", [lying()[n] for n in "bacd"])), "with a and b changed over all would fit: they are swapped"),
+    (dict(zip("abcd", [lying()[n] for n in "bcda"])), "whether the right markers were touched"),
 ])
 def test_markers_that_cannot_be_right_are_refused(measured, words):
     with pytest.raises(InputError, match=words):
         refixtured(setup(), measured)
+
+
+@pytest.mark.parametrize("name", PLACES)
+@pytest.mark.parametrize("axis", range(3))
+def test_a_marker_mistyped_by_a_millimetre_is_refused_by_its_name(name, axis):
+    """Least squares share the millimetre out among all four; what the others agree on says whose it is."""
+    wrong = {n: tuple(x + (n == name and k == axis) for k, x in enumerate(p)) for n, p in lying(noise_mm=0.001).items()}
+    with pytest.raises(InputError, match=rf"setup-2: marker {name} is (0.9|1.0).*mm from where .* all others fit"):
+        refixtured(setup(), wrong)
+
+
+def test_three_noisy_markers_are_refused_where_the_part_is_too_uncertain():
+    """No fourth shows which is wrong; what three leave open far away is stated with the place, or which to add."""
+    three = setup(markers=tuple(Marker(name=n, at_mm=PLACES[n]) for n in "abc"), marker_limit_mm=0.05)
+    noisy = lying(noise_mm=0.02, of=three)
+    with pytest.raises(InputError, match=r"leave the part at X381.0 Y0.0 Z0.0 uncertain by 0.0\d+ mm, more than 0.01 mm: touch"):
+        refixtured(three, noisy, FAR)
+    with pytest.raises(InputError, match="of three markers nobody can say which is wrong: measure all again"):
+        refixtured(three, {**noisy, "b": tuple(x + 1.0 for x in noisy["b"])}, FAR)
 
 
 def test_too_few_markers_and_markers_in_a_line_are_refused():

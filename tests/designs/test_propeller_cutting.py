@@ -25,7 +25,7 @@ FEW = FEW / np.linalg.norm(FEW, axis=1)[:, None]
 def whole():
     """The 4119 of 100 mm with all blades to be cut; a few directions to choose from."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(planning_positions, "directions", lambda: FEW)
+        patch.setattr(planning_positions, "directions", lambda apart_deg=20.0: FEW)
         patch.setattr(cutting, "PLACES", 300)
         return make_design(find_design("dtmb_4119"), [*SMALL, "blades_cut=all"])
 
@@ -105,6 +105,17 @@ def test_the_first_two_directions_see_both_sides(whole):
         assert np.percentile(best, 5) > np.cos(np.radians(cutting.CUT_DEG))
 
 
+def test_a_blade_that_no_direction_sees_is_refused_with_what_would_help():
+    """One direction, that looks at the face alone: the back is left, and the message says how much, where and why."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(planning_positions, "directions", lambda apart_deg=20.0: FEW[:1])
+        patch.setattr(cutting, "PLACES", 300)
+        patch.setattr(cutting, "CLOSER", (300, 60.0))
+        with pytest.raises(DesignError, match=r"no direction sees \d+\.\d of \d+ mm2 of blade 1, about X.* balls of 6 and 4 mm in "
+                                              r"extensions of 80 mm and a skin of 0.6 mm: another blade.* change extension_mm"):
+            make_design(find_design("dtmb_4119"), [*SMALL, "blades_cut=one"])
+
+
 def test_a_hub_that_reaches_the_table_is_refused():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(cutting, "_ways", lambda design, p, balls, clampings: [FEW[:2]] * len(clampings))
@@ -119,7 +130,7 @@ def test_a_hub_that_reaches_the_table_is_refused():
 def flipped():
     """The 4119 of 100 mm, all blades, as the large ones are cut."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(planning_positions, "directions", lambda: FEW)
+        patch.setattr(planning_positions, "directions", lambda apart_deg=20.0: FEW)
         patch.setattr(cutting, "PLACES", 300)
         return make_design(find_design("dtmb_4119"), [*SMALL, "blades_cut=all", "sides=flipped"])
 

@@ -86,6 +86,21 @@ def test_the_table_that_holds_the_part_is_in_the_way_from_behind():
     assert seen_from(-1.0).positions == ()
 
 
+def test_what_directions_leave_is_looked_at_more_closely():
+    """A roof of 30 degrees, seen within 6: between the rings of 20 degrees nobody looks at it, of 10 one does."""
+    roof = cq.Workplane("XZ").polyline([(-20, -20), (20, -20), (20, 0), (-20, 40 * np.tan(np.radians(30)))]).close().extrude(40)
+    solid = brep.the_solid(roof)
+    normal = np.array([0.5, 0.0, np.sqrt(0.75)])
+    slope = next(k for k, f in enumerate(brep.faces_of(solid)) if f.middle.normal[0] @ normal > 0.999)
+    once, again = (positions(solid, [slope], LIBRARY, ways=ON_TABLE, steepest_deg=6.0, finely=(300, 0.01, closer))
+                   for closer in (None, (300, 6.0)))
+    area = 40 * 40 / np.cos(np.radians(30))
+    assert once.positions == () and once.left_mm2 == pytest.approx(area)
+    one, = again.positions
+    assert one.direction @ normal > np.cos(np.radians(6)) and one.held.machine.name == "mill_a_on_b"
+    assert again.left_mm2 == pytest.approx(0, abs=1e-9) and one.adds_mm2 == pytest.approx(area)
+
+
 def test_a_machine_turns_no_farther_than_it_can():
     mill, ways = find_machine("mill_trunnion_ac"), directions()
     able = turnable(ways, mill.kinematics, None)

@@ -129,13 +129,28 @@ def test_the_drawing_shows_the_part_as_it_stands_with_what_holds_it_and_its_mark
     plain = sample_bundle.setups[0]
     post = np.array([[[10.0, 10.0, 40.0], [10.0, 10.0, 120.0]]])
     over = replace(plain, held_frame=Frame.of_axes((0.0, 0.0, 30.0), (1, 0, 0), (0, 0, -1)), fixtures=(("post", post),),
-                   markers=(("one", (1.0, 2.0, 3.0)),), marked_for_later=(("two", (4.0, 5.0, 6.0)),))
+                   markers=(("one", (1.0, 2.0, 3.0)),), marked_for_later=(("two", (4.0, 5.0, 6.0)),),
+                   markers_elsewhere={"one": ("back-1", (1.0, -2.0, -3.0))})
     drawing = sheet.wcs_drawing(replace(sample_bundle, setups=(over,)), over)
     post_at, = re.findall(r'class="fixture" points="([^"]+)"', drawing)
     top, foot = (float(pair.split(",")[1]) for pair in post_at.split())
     assert foot > top + 100 and drawing.count('class="marker"') == 2 and ">one<" in drawing and ">two<" in drawing
     rows = dict(sheet.zero_rows(sample_bundle, over))
     assert rows["Marker one"].startswith("X 1") and rows["Marker two, for later"].startswith("X 4")
+    assert "; in back-1 X 1.000" in rows["Marker one"] and "; in" not in rows["Marker two, for later"]
+
+
+def test_the_sheet_shows_the_rotary_axes_that_carry_the_part(sample_bundle):
+    """In the picture with their angles, in words by where they run: one through the zero, one 0.05 mm beside it."""
+    held = Frame.of_axes((10.0, 20.0, 30.0), (1, 0, 0), (0, 0, 1))
+    through, beside = np.array([[10.0, 20, 30], [1, 0, 0]]), np.array([[50.0, 20.05, 30], [-1, 0, 0]])
+    setup = replace(sample_bundle.setups[0], held_frame=held, rotaries=(("A", -23.5, through), ("B", None, beside)))
+    drawing = sheet.wcs_drawing(replace(sample_bundle, setups=(setup,)), setup)
+    assert drawing.count('class="axis"') == 2 and ">A-23.5°<" in drawing and ">B<" in drawing
+    rows = dict(sheet.zero_rows(sample_bundle, setup))
+    assert rows["Axis A"] == "along X of G54, through the zero; here A-23.5 degrees"
+    assert rows["Axis B"].startswith("along -X of G54, through X 0.000   Y 0.05")
+    assert 'class="axis"' not in sheet.wcs_drawing(sample_bundle, sample_bundle.setups[0])
 
 
 def test_missing_keys_become_dashes(sample_bundle):

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from cuspline.design import Setup
 from cuspline.stock.shapes import ROUND_MM, BoxShape, CylinderShape, closed_mesh
-from cuspline.stock.stock_solids import StockSolids
+from cuspline.stock.stock_solids import HELD, StockSolids
 from cuspline.stock.swept import swept_paths
 from cuspline.stock.workpiece import Workpiece
 from cuspline.values.frames import Frame
@@ -132,6 +132,14 @@ def turned_frame(of):
 
 
 BOTH = ((ABOVE, slot_from_above()), (FROM_X, pocket_from_x(9)))
+
+
+def test_solids_of_many_clampings_are_not_held_and_are_the_same():
+    """Of a few clampings each is made once; of more the heights alone are held, and those of grown cutters never."""
+    few, many = (StockSolids(piece(*[(ABOVE, slot_from_above())] * count), [0.5] * count) for count in (2, HELD + 1))
+    assert few.field(0) is few.field(0) and few.field(0, 0.1) is not few.field(0, 0.1)
+    assert many.field(0) is not many.field(0) and many.field(0).z is many.field(0).z
+    assert many.stock(ABOVE).volume() == pytest.approx(few.stock(ABOVE).volume(), abs=1e-6)
 
 
 @pytest.mark.parametrize("shape", [BoxShape(min_mm=LOW, max_mm=HIGH),

@@ -6,14 +6,17 @@ import cadquery as cq
 import numpy as np
 import pytest
 from manifold3d import Manifold, OpType
+from numpy.testing import assert_allclose
 from scipy.spatial import cKDTree
 
 from cuspline.kernel import brep, solids, tessellation
 from cuspline.kernel.tessellation import tessellate
 from cuspline.surfaces.projection import ClosestTree
+from cuspline.toolpaths.drop.dropcutter import drop_tips_mm
 from cuspline.values.clusters import clusters_of
 from cuspline.values.errors import DesignError, SimulationError
 from cuspline.values.frames import Frame
+from cuspline.verification.reach import drop_mesh, upper
 from cuspline.verification.samples import INSIDE_MM, sample_faces
 from cuspline.verification.solid_check import _Seen, outlines
 
@@ -179,6 +182,20 @@ def test_the_deepest_of_many_places_is_that_of_all_but_few_are_asked():
     everywhere = np.minimum(at_most, surface.closest_points(places).distance_mm)
     assert depth == everywhere.max() and row == everywhere.argmax() and depth > 1.5
     assert sum(asked) < 1000
+
+
+def test_what_comes_from_above_rests_on_the_triangles_that_do_not_look_down():
+    """Half of a solid's triangles answer as all do, from six sides: balls, flat cutters and a pin."""
+    solid = cq.Workplane().box(20, 14, 8).faces(">Z").workplane().sphere(6).faces("<Z").workplane().hole(5).edges("|Z").fillet(2)
+    mesh, rng = tessellate(solid.val().wrapped, 0.05), np.random.default_rng(2)
+    for axis in np.vstack([np.eye(3), -np.eye(3)]):
+        vertices = Frame.of_axes((0, 0, 0), np.roll(axis, 1), axis).into(mesh.vertices_mm)
+        some = upper(vertices, mesh.triangles)
+        assert len(some) < len(mesh.triangles)
+        half, whole = drop_mesh(vertices, some), drop_mesh(vertices, mesh.triangles)
+        xy = rng.uniform(vertices.min(axis=0)[:2] - 4, vertices.max(axis=0)[:2] + 4, (3000, 2))
+        for radii in ((3.0, 3.0), (3.0, 0.0), (3.0, 1.0), (0.001, 0.0)):
+            assert_allclose(drop_tips_mm(half, xy, *radii), drop_tips_mm(whole, xy, *radii), atol=1e-12, rtol=0)   # edges of both
 
 
 def test_an_open_mesh_is_refused():
