@@ -59,6 +59,7 @@ from cuspline.verification.verdict import Options
 STAGES = ("step", "plan", "gcode", "verify", "report")
 DRAFT = "draft"               # plan, program and a first look at it, in place of all that follows
 DRAFT_OPTIONS = Options(finer=0.5, tessellation_mm=0.01)        # a quarter of the sample points; triangles tell what is in reach
+HELD_PLANS = 4                # up to so many hold what they were planned with
 UNVERIFIED = "VERDICT: NOT VERIFIED YET"
 VERSIONED = ("build123d", "cadquery", "cadquery-ocp", "numpy", "scipy", "numba", "manifold3d", "pymeshlab")
 
@@ -225,7 +226,14 @@ def _planned(order, say):
             piece, cut = _cut_by(order, piece, plans[cut]), cut + 1
         say(f"{design.name}: plan {setup.name}")
         plans.append(plan_setup(design, setup, order.machine, order.library, piece, order.shop))
+        _let_go(plans)
     return plans
+
+
+def _let_go(plans):
+    """Of many plans none holds what is large and made again in seconds: of a propeller it was 200 MB each."""
+    for plan in plans if len(plans) > HELD_PLANS else ():
+        plan.context.let_go()
 
 
 def _cut_by(order, piece, plan):
@@ -272,6 +280,7 @@ class _Trial:
 
     def posted(self, plans, instead_of=None):
         """plan.json, programs and tools on disk; Job.  What was made of other plans is let go."""
+        _let_go(plans)
         for key in self.known.keys() - {id(plan) for plan in plans}:
             del self.known[key]
         for name in instead_of.program_names if instead_of else ():

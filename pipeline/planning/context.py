@@ -57,6 +57,7 @@ ROUND_PLACES, ROUND_SHARES = 16, (0.25, 0.5, 0.75, 1.0)      # round a place, wh
 THIN_MM = 0.05              # of the needle that finds the part
 STEEP_DEG = 65.0            # clean-up passes of a setup with several operations: walls beyond get waterlines
 NEAR_RADII = 3.0            # of a cutter round the faces that a position cuts: what it may touch
+MADE_AGAIN = "mesh", "geometry", "closest", "clearance", "obstacles"     # what `let_go` forgets: 200 MB of a propeller
 AXIS = 1e-9                 # how exactly a tool axis must be the setup's Z
 
 
@@ -159,7 +160,6 @@ class PlanningContext:
         self.material = material_named(design.material, shop.materials)
         mesh = design.once("planning mesh", lambda: brep.planning_mesh(solid, MESH_DEFLECTION_MM))
         self.triangles = mesh if self.solid is solid else replace(mesh, vertices_mm=setup.turn.into(mesh.vertices_mm))
-        self.mesh = DropMesh.from_triangles(self.triangles.vertices_mm, self.triangles.triangles)
         self.box = brep.bounding_box_mm(self.solid)
         asked = [o.clearance_mm for o in setup.operations if o.clearance_mm is not None]
         self.clearance_mm = max([self.practice.clearance_mm, *asked])
@@ -328,10 +328,20 @@ class PlanningContext:
         return self.geometry if self.faces is faces else self.design.once(
             "geometry", lambda: (PatchSet.of_faces(faces), TrimSet.of_faces(faces)))
 
-    @cached_property
+    @property
+    def mesh(self):
+        """DropMesh of the part."""
+        return self.once("mesh", lambda: DropMesh.from_triangles(self.triangles.vertices_mm, self.triangles.triangles))
+
+    @property
     def geometry(self):
         """(PatchSet, TrimSet) of all faces: what closest points and drops are computed on."""
-        return PatchSet.of_faces(self.faces), TrimSet.of_faces(self.faces)
+        return self.once("geometry", lambda: (PatchSet.of_faces(self.faces), TrimSet.of_faces(self.faces)))
+
+    def let_go(self):
+        """Forget what is large and made again in seconds, should somebody ask for it."""
+        for name in MADE_AGAIN:
+            self._shared.pop(name, None)
 
     @property
     def closest(self):

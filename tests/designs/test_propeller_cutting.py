@@ -27,6 +27,8 @@ def whole():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(planning_positions, "directions", lambda apart_deg=20.0: FEW)
         patch.setattr(cutting, "PLACES", 300)
+        patch.setattr(cutting, "CLOSER", (300, 60.0))
+        patch.setattr(cutting, "LEFT_SHARE", 0.1)           # four directions leave more than a build may
         return make_design(find_design("dtmb_4119"), [*SMALL, "blades_cut=all"])
 
 
@@ -132,6 +134,8 @@ def flipped():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(planning_positions, "directions", lambda apart_deg=20.0: FEW)
         patch.setattr(cutting, "PLACES", 300)
+        patch.setattr(cutting, "CLOSER", (300, 60.0))
+        patch.setattr(cutting, "LEFT_SHARE", 0.1)           # four directions leave more than a build may
         return make_design(find_design("dtmb_4119"), [*SMALL, "blades_cut=all", "sides=flipped"])
 
 

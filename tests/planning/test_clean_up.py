@@ -9,7 +9,8 @@ import pytest
 from cuspline.app import catalogue
 from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
 from cuspline.planning.clean_up import _chained, _fall_together, clean_up
-from cuspline.planning.context import PlanningContext
+from cuspline.planning.context import MADE_AGAIN, PlanningContext
+from cuspline.toolpaths.drop.dropcutter import drop_tips_mm
 
 RADIUS_MM = 4.0
 HIGH_MM, LONG_MM = 10.0, 16.0
@@ -60,3 +61,16 @@ def test_only_middles_that_crowd_are_joined():
     assert not _fall_together(level[:1], level[:1]).any()
     rows = _chained(np.array([[3.0, 0, 0], [0.0, 0, 0], [1.0, 0, 0], [2.0, 0, 0], [9.0, 0, 0]]), 1.5)
     assert sorted(len(row) for row in rows) == [2, 4] and np.abs(np.diff(max(rows, key=len)[:, 0])).max() == 1.0
+
+
+def test_what_a_context_lets_go_of_is_made_again_as_it_was(context):
+    """What is large goes, for an operation's own context too; drops on it are the same to the last bit."""
+    whole, own = context, context.of(context.operation, ())
+    xy = np.random.default_rng(4).uniform((2, -6), (LONG_MM - 2, 6), (50, 2))
+    asked = lambda: (own.dropper(1.5, 1.5, 0.0).contacts(xy).tip_z_mm, drop_tips_mm(own.mesh, xy, 1.5, 1.5),
+                     own.geometry[0].coefficients)
+    before, mesh = asked(), own.mesh
+    assert own.mesh is mesh is whole.mesh
+    whole.let_go()
+    assert not set(MADE_AGAIN) & set(own._shared) and own.mesh is not mesh
+    assert all(np.array_equal(a, b) for a, b in zip(before, asked()))
