@@ -49,6 +49,7 @@ from cuspline.values.errors import CutterDoesNotFit, PlanError, ToolpathError
 from cuspline.values.known import Known
 
 MESH_DEFLECTION_MM = 0.01
+OFF_MM = 0.1                # of the triangles from the faces, at the most: the mesher may miss what it is asked threefold
 FAR_MM = 1000.0             # beyond any stock
 ROUNDING_MM = 1e-4          # kept back from the tolerances for the post's decimals
 LOOK_SHARE, MOST_LOOKS = 0.2, 250       # of the radius between places at which the standing stock is looked up
@@ -160,7 +161,6 @@ class PlanningContext:
         self.material = material_named(design.material, shop.materials)
         mesh = design.once("planning mesh", lambda: brep.planning_mesh(solid, MESH_DEFLECTION_MM))
         self.triangles = mesh if self.solid is solid else replace(mesh, vertices_mm=setup.turn.into(mesh.vertices_mm))
-        self.box = brep.bounding_box_mm(self.solid)
         asked = [o.clearance_mm for o in setup.operations if o.clearance_mm is not None]
         self.clearance_mm = max([self.practice.clearance_mm, *asked])
         self.clearance_z_mm = float(max([self.stock_max_mm[2], *(f.box_mm[1][2] for f in self.fixtures)])) + self.clearance_mm
@@ -338,6 +338,17 @@ class PlanningContext:
         """(PatchSet, TrimSet) of all faces: what closest points and drops are computed on."""
         return self.once("geometry", lambda: (PatchSet.of_faces(self.faces), TrimSet.of_faces(self.faces)))
 
+    @property
+    def box(self):
+        """(low, high) (3,) of the part, tight: seconds on one with many splines."""
+        return self.once("box of the part", lambda: brep.bounding_box_mm(self.solid))
+
+    def _is_clear_above_all(self, tool, lowest_mm, standing_mm):
+        """Whether a tool with its tip so low keeps clear above the highest place of the part; mostly the triangles say it."""
+        top = float(self.triangles.vertices_mm[:, 2].max())         # on the faces: none of these is lower
+        clear = [is_clear_above(tool, lowest_mm, high, standing_mm) for high in (top, top + OFF_MM)]
+        return clear[0] if clear[0] == clear[1] else is_clear_above(tool, lowest_mm, float(self.box[1][2]), standing_mm)
+
     def let_go(self):
         """Forget what is large and made again in seconds, should somebody ask for it."""
         for name in MADE_AGAIN:
@@ -388,7 +399,7 @@ class PlanningContext:
     def _is_short(self, tool):
         """Whether a holder or shank would touch the part where its cutter touches the faces of the operation."""
         standing, lowest = self.practice.rough_allowance_mm, float(self.samples.point_mm[:, 2].min())
-        if is_clear_above(tool, lowest - tool.cutter.corner_radius_mm, float(self.box[1][2]), standing):
+        if self._is_clear_above_all(tool, lowest - tool.cutter.corner_radius_mm, standing):
             return False
 
         def is_in_the_way():

@@ -10,6 +10,7 @@ from cuspline.app import catalogue
 from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
 from cuspline.planning.clean_up import _chained, _fall_together, clean_up
 from cuspline.planning.context import MADE_AGAIN, PlanningContext
+from cuspline.planning.tool_depth import is_clear_above
 from cuspline.toolpaths.drop.dropcutter import drop_tips_mm
 
 RADIUS_MM = 4.0
@@ -74,3 +75,14 @@ def test_what_a_context_lets_go_of_is_made_again_as_it_was(context):
     whole.let_go()
     assert not set(MADE_AGAIN) & set(own._shared) and own.mesh is not mesh
     assert all(np.array_equal(a, b) for a, b in zip(before, asked()))
+
+
+def test_whether_a_tool_clears_the_whole_part_is_as_its_exact_box_says(context, monkeypatch):
+    """Asked of the box only where that decides: within a tenth of a millimetre above the highest triangle."""
+    tool = next(t for t in context.library.of_type("ball"))
+    asked, exact = [], context.box[1][2]
+    monkeypatch.setattr(PlanningContext, "box", property(lambda self: asked.append(self) or (None, (0.0, 0.0, exact))))
+    level = next(z for z in np.arange(-60.0, 20.0, 0.01) if is_clear_above(tool, z, exact, 0.3))
+    for off in (-20.0, -0.2, -0.02, 0.0, 0.05, 0.2, 20.0):
+        assert context._is_clear_above_all(tool, level + off, 0.3) == is_clear_above(tool, level + off, exact, 0.3)
+    assert len(asked) == 2          # at 0 and 0.05
