@@ -2,6 +2,8 @@
 
 `python bench/flipped.py name=value ...` builds with other parameters.  `python bench/flipped.py FOLDER MEASURED` takes what stands
 built: as designed, and with `--measured FOLDER-measured.csv`, which `python bench/flipped.py FOLDER` writes.
+`python bench/flipped.py motion name=value ...` builds nothing: where the second side comes to by the fit of its dimples alone,
+touched a hundred times.
 """
 
 import subprocess
@@ -13,9 +15,14 @@ import numpy as np
 from blade import SMALL
 
 from cuspline.app.build import DRAFT_OPTIONS
+from cuspline.app.catalogue import find_design, make_design
 from cuspline.app.judge import begun
 from cuspline.design.job import read_job
-from cuspline.design.setup_alignment import COLUMNS, read_measured
+from cuspline.design.setup_alignment import COLUMNS, read_measured, refixtured
+from cuspline.designs.propellers import cutting
+from cuspline.kernel import brep
+from cuspline.surfaces.curvature import sample_faces
+from cuspline.values.errors import InputError
 from cuspline.values.frames import Frame
 from cuspline.verification.reporter import MISSED, allowed_mm
 from cuspline.verification.setup_mismatch import joints
@@ -24,6 +31,8 @@ SHIFT_MM, TURN_RAD = (0.3, -0.2, 0.15), np.radians([0.05, -0.03, 0.1])      # of
 FINISHED_MM = 0.5                   # what stands higher is skin
 LEAST_MM2 = 1.0
 NOISE_MM, SEED = 0.002, 17          # of a coordinate that is touched, root mean square
+TOUCHED = 100                       # times
+MISTYPED_MM = 1.0
 
 
 def measure(parameters=(*SMALL, "profile_tolerance_mm=0.0025", "sides=flipped")):
@@ -34,6 +43,42 @@ def measure(parameters=(*SMALL, "profile_tolerance_mm=0.0025", "sides=flipped"))
         _built(designed, words)
         _built(measured, [*words, "--measured", written(designed)])
         return figures(designed, measured)
+
+
+def motion(parameters):
+    """[(what, number, unit)] of how far the second side's cuts are off on blade 1, by the rigid motion alone."""
+    cutting._ways = lambda design, p, balls, clampings: [[np.array(c.z)] for c in clampings]       # directions take a minute
+    design = make_design(find_design("dtmb_4119"), [*parameters, "blades_cut=one", "sides=flipped"])
+    setup = next(s for s in design.setups if s.markers)
+    faces = brep.faces_of(brep.the_solid(design.solid, "propeller"))
+    mine = brep.indices_of(faces, brep.named_faces(faces, design.predicates, setup.faces))
+    places, lies = sample_faces(faces, mine, across_axis=2).point_mm, _touched_setup(setup, 0.0)
+    real = Frame(rotation=_turned(TURN_RAD), origin_mm=SHIFT_MM)
+    off = lambda as_set: float(np.linalg.norm(setup.clamped_frame.out(real.into(as_set.clamped_frame.into(places))) - places,
+                                              axis=1).max())
+    found, refused = [], 0
+    for seed in range(TOUCHED):
+        try:
+            found.append(off(refixtured(setup, _touched_setup(setup, NOISE_MM, seed), places)))
+        except InputError:
+            refused += 1
+    names = list(lies)
+    wrong = sum(_names_it(setup, lies, name, axis) for name in names for axis in range(3))
+    return [("as if nobody had measured: the farthest place of blade 1 is off by", 1e3 * off(setup), "um"),
+            ("as its dimples are measured exactly", 1e3 * off(refixtured(setup, lies)), "um"),
+            (f"as they are measured within {1e3 * NOISE_MM:g} um a coordinate, on average", 1e3 * np.mean(found), "um"),
+            ("the worst of them", 1e3 * np.max(found), "um"), (f"refused of {TOUCHED}", refused, ""),
+            (f"dimples mistyped by {MISTYPED_MM:g} mm that are refused by their name, of {3 * len(names)}", wrong, "")]
+
+
+def _names_it(setup, lies, name, axis):
+    """Whether one marker mistyped along an axis is refused, and named."""
+    wrong = {n: tuple(x + MISTYPED_MM * (n == name and k == axis) for k, x in enumerate(p)) for n, p in lies.items()}
+    try:
+        refixtured(setup, wrong)
+    except InputError as error:
+        return f"marker {name} is" in str(error)
+    return False
 
 
 def _built(out, words):
@@ -77,13 +122,15 @@ def figures(designed, measured):
 
 def _touched(job, noise_mm):
     """{(setup, marker): place in the WCS} of the part as it really lies."""
-    rng, found = np.random.default_rng(SEED), {}
-    motion = Frame(rotation=_turned(TURN_RAD), origin_mm=SHIFT_MM)
     first = next(p.setup for p in job.posted if p.setup.markers)
-    for marker in first.markers:
-        place = motion.out(first.clamped_frame.into(np.array([marker.at_mm])))[0] + noise_mm * rng.normal(size=3)
-        found[first.name, marker.name] = tuple(place.tolist())
-    return found
+    return {(first.name, name): place for name, place in _touched_setup(first, noise_mm).items()}
+
+
+def _touched_setup(setup, noise_mm, seed=SEED):
+    """{marker: place in the WCS} of one setup, as the part really lies."""
+    rng, lies = np.random.default_rng(seed), Frame(rotation=_turned(TURN_RAD), origin_mm=SHIFT_MM)
+    places = lies.out(setup.clamped_frame.into(np.array([m.at_mm for m in setup.markers])))
+    return {m.name: tuple((place + noise_mm * rng.normal(size=3)).tolist()) for m, place in zip(setup.markers, places)}
 
 
 def _turned(rad):
@@ -98,5 +145,9 @@ if __name__ == "__main__":
     if len(folders) == 1:
         print(written(folders[0]))
         sys.exit()
-    for what, number, unit in figures(*folders) if folders else measure(*([tuple(sys.argv[1:])] if sys.argv[1:] else [])):
+    if sys.argv[1:2] == ["motion"]:
+        rows = motion(sys.argv[2:])
+    else:
+        rows = figures(*folders) if folders else measure(*([tuple(sys.argv[1:])] if sys.argv[1:] else []))
+    for what, number, unit in rows:
         print(f"{what}: {number:.5g} {unit}", flush=True)
