@@ -143,10 +143,9 @@ def _rings(work, tool, last_mm):
 def _roughed(work, bores, name):
     """The helices of the holes of one cutter; None where nothing stands in them."""
     tool = bores[0].tool
-    cutter, operation = tool.cutter, work.operation
+    cutter = tool.cutter
     rpm, feed = work.speeds(tool, is_rough=True)
-    stepdown = min(operation.stepdown_mm or work.material.stepdown_share * cutter.diameter_mm,
-                   SLOT_SHARE * cutter.deepest_slot_mm)
+    stepdown = min(work.stepdown_mm(tool), SLOT_SHARE * cutter.deepest_slot_mm)
     made, count = [], 0
     for one in bores:
         rings = _rings(work, tool, one.path_radius_mm - left_mm(work))

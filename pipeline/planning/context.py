@@ -59,6 +59,7 @@ THIN_MM = 0.05              # of the needle that finds the part
 STEEP_DEG = 65.0            # clean-up passes of a setup with several operations: walls beyond get waterlines
 NEAR_RADII = 3.0            # of a cutter round the faces that a position cuts: what it may touch
 MADE_AGAIN = "mesh", "geometry", "closest", "clearance", "obstacles"     # what `let_go` forgets: 200 MB of a propeller
+STEEPEST_RAMP_DEG = 44.9    # a preset's may be 90: straight down
 AXIS = 1e-9                 # how exactly a tool axis must be the setup's Z
 
 
@@ -601,6 +602,23 @@ class PlanningContext:
                             + (f"there are {', '.join(sorted(there))}" if there else "the library's tools have none: import one "
                                "with presets (`cuspline cutters --import`), or leave preset out"))
         return preset_of(tool, self.material.name, self.operation.kind, is_rough, wish)
+
+    def of_preset(self, name, tool):
+        """What a tool's preset says of its way into stock, `stepdown_mm`, `stepover_mm` or `ramp_deg`; None: it has none, or is
+        silent.  No deeper than the flutes, no wider than the radius, no steeper than operations may ask for."""
+        preset, cutter = self.preset(tool, True), tool.cutter
+        value = None if preset is None else getattr(preset, name)
+        most = {"stepdown_mm": cutter.flute_length_mm, "stepover_mm": cutter.radius_mm, "ramp_deg": STEEPEST_RAMP_DEG}[name]
+        return None if value is None else min(value, most)
+
+    def stepdown_mm(self, tool):
+        """Of clearing with a tool: the operation's, else its preset's, else the material's share of its diameter."""
+        return (getattr(self.operation, "stepdown_mm", None) or self.of_preset("stepdown_mm", tool)
+                or self.material.stepdown_share * tool.cutter.diameter_mm)
+
+    def ramp_deg(self, tool):
+        """Of its way into stock: the operation's, else its preset's, else the shop's."""
+        return getattr(self.operation, "ramp_deg", None) or self.of_preset("ramp_deg", tool) or self.practice.ramp_deg
 
     def _run_by(self, tool, rpm):
         """The Preset of a stage in which it runs at that speed, or None."""

@@ -98,8 +98,7 @@ def _roughed(work, tool, sections, tabs):
     """The operation that takes what stands beside the walls; None where nothing does."""
     operation, cutter = work.operation, tool.cutter
     rpm, feed = work.speeds(tool, is_rough=True)
-    stepdown = min(operation.stepdown_mm or work.material.stepdown_share * cutter.diameter_mm,
-                   SLOT_SHARE * cutter.deepest_slot_mm)
+    stepdown = min(work.stepdown_mm(tool), SLOT_SHARE * cutter.deepest_slot_mm)
     made = []
     for section in sections:
         for chain in section.chains:
@@ -158,7 +157,7 @@ def helical(work, tool, path, heights_mm, how, overs=()):
         heights_mm: (top of the stock there, bottom).   how: (deepest turn, feed).   overs: tabs.Over, what it rises over.
     """
     (top, low), (stepdown, feed) = heights_mm, how
-    ramp = math.radians(min(work.operation.ramp_deg or work.practice.ramp_deg, math.degrees(tool.cutter.steepest_rad)))
+    ramp = math.radians(min(work.ramp_deg(tool), math.degrees(tool.cutter.steepest_rad)))
     turn = min(stepdown, path.length_mm * float(fixed.tan(ramp)))
     begin = path.elements[0].start
     writer = MoveWriter((*begin, work.clearance_z_mm))

@@ -7,7 +7,7 @@ r"""Holes drilled: which drill, how deep, in which order.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -190,8 +190,21 @@ def drilled_holes(work):
     reached = np.zeros(len(work.samples.area_mm2), bool)
     for one in (d for mine in by_tool.values() for d in mine):
         reached |= is_drilled(work.samples, one.bore, one.full_z_mm)
-    spots = [_spots(work, [d.bore for mine in by_tool.values() for d in mine])] if work.operation.spot else []
-    return [*spots, *(operation_of(work, mine, number=len(by_tool)) for mine in by_tool.values())], reached
+    spots, why = _spots_before(work, [d.bore for mine in by_tool.values() for d in mine])
+    made = [operation_of(work, mine, number=len(by_tool)) for mine in by_tool.values()]
+    return [*spots, *(replace(o, facts={**o.facts, "not_spotted": why}) if why else o for o in made)], reached
+
+
+def _spots_before(work, bores):
+    """([PlannedOperation of spots] or [], why there are none though the shop wants them)."""
+    if not (work.practice.spot_holes if work.operation.spot is None else work.operation.spot):
+        return [], ""
+    try:
+        return [_spots(work, bores)], ""
+    except CamError as error:
+        if work.operation.spot:
+            raise
+        return [], str(error)
 
 
 def _spots(work, bores):

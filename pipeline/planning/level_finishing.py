@@ -50,7 +50,7 @@ def faced(work, tool, allowance_mm):
     Raises:
         PlanError: the part, or a fixture, stands above the height.
     """
-    operation, practice, d = work.operation, work.practice, tool.cutter.diameter_mm
+    operation, practice = work.operation, work.practice
     top = float(work.box[1][2])
     height = top + allowance_mm if operation.height_mm is None else operation.height_mm
     if height < top - SAME_MM:
@@ -64,7 +64,7 @@ def faced(work, tool, allowance_mm):
     stock_top = float(work.stock_mm(_over(work)).max())
     if stock_top <= height + SAME_MM:
         return None, height
-    stepdown = operation.stepdown_mm or work.material.stepdown_share * d
+    stepdown = work.stepdown_mm(tool)
     if tool.cutter.type == "face_mill":
         stepdown = within_inserts_mm(operation, tool, stepdown)
     levels = np.linspace(stock_top, height, math.ceil((stock_top - height) / stepdown - 1e-9) + 1)[1:]

@@ -96,16 +96,17 @@ def cleared(work, levels):
 
 def _clear(work, stage, tool, candidates, stock, rows, levels):
     stage = replace(stage, within=borders(work, tool.cutter, stage.allowance_mm, levels))
-    return _faster(work, stage, tool, candidates, stock, rows, (work.operation, *along_flutes(work, tool.cutter, levels)))
+    return _faster(work, stage, tool, candidates, stock, rows, (work.operation, *along_flutes(work, tool, levels)))
 
 
-def along_flutes(work, cutter, levels):
+def along_flutes(work, tool, levels):
     """(Clearing,) as deep as the floors and so much narrower that a tooth takes what it would in levels; () where it is no deeper.
 
-    Where the operation states stepdown or stepover these stand, and there is none.  `levels`: indices of the floors.
+    Where the operation, or the preset, states stepdown or stepover these stand, and there is none.  `levels`: indices of the floors.
     """
-    stated, d, share = work.operation, cutter.diameter_mm, work.material.stepdown_share
-    if getattr(stated, "stepdown_mm", None) is not None or getattr(stated, "stepover_mm", None) is not None:
+    stated, cutter, share = work.operation, tool.cutter, work.material.stepdown_share
+    d = cutter.diameter_mm
+    if any(getattr(stated, n, None) is not None or work.of_preset(n, tool) is not None for n in ("stepdown_mm", "stepover_mm")):
         return ()
     section_mm2 = share * work.practice.radial_share * d * d
     lowest = min(float(work.faces[i].middle.point_mm[0, 2]) for i in levels)
@@ -192,7 +193,7 @@ def _floors_finished(work, made, tool, allowance_mm, levels):
         name, keeps = (f"{title[:NAME - len(CORNERS)]}{CORNERS}", allowance_mm + SLIVER_MM) if done else (title, allowance_mm)
         stage = roughing.RoughingStage(name=name, allowance_mm=keeps, over_floors_mm=0.0, is_rough=False,
                                        counts_stops=True, within=borders(work, mine.cutter, keeps, levels))
-        ways = (Clearing(stepover_mm=mine.cutter.radius_mm), *along_flutes(work, mine.cutter, levels))
+        ways = (Clearing(stepover_mm=mine.cutter.radius_mm), *along_flutes(work, mine, levels))
         one, stock, _ = _faster(work, stage, mine, (), stock, leftover_rows(work.samples), ways)
         done += [] if one is None else [one]
     return done

@@ -146,8 +146,9 @@ def _drill_before(work, one):
 def _operation(work, made, number):
     """The PlannedOperation of the holes of one reamer; `number`: of reamers in the operation."""
     operation, tool = work.operation, made[0].tool
-    speed, share = work.material.drilling
-    rpm = operation.spindle_rpm or feeds.spindle_rpm(tool.cutter, SPEED_SHARE * speed, work.machine.spindle)
+    (speed, share), preset = work.material.drilling, work.preset(tool, False)
+    speed = operation.cutting_speed_m_per_min or (preset and preset.cutting_speed_m_per_min) or SPEED_SHARE * speed
+    rpm = operation.spindle_rpm or (preset and preset.spindle_rpm) or feeds.spindle_rpm(tool.cutter, speed, work.machine.spindle)
     feed = operation.feed_mm_per_min or feeds.cutting_feed_mm_per_min(tool.cutter, rpm, share / tool.cutter.flutes, work.machine)
     retract = np.array([retract_mm(work, d.bore, tool) for d in made])
     if operation.stays_low:

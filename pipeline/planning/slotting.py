@@ -121,9 +121,8 @@ def _along_middles(work, tool, middles):
     """The operation that runs along the middles."""
     operation, cutter = work.operation, tool.cutter
     rpm, feed = work.speeds(tool, is_rough=True)
-    stepdown = min(operation.stepdown_mm or work.material.stepdown_share * cutter.diameter_mm,
-                   SLOT_SHARE * cutter.deepest_slot_mm)
-    ramp = math.radians(min(operation.ramp_deg or work.practice.ramp_deg, math.degrees(cutter.steepest_rad)))
+    stepdown = min(work.stepdown_mm(tool), SLOT_SHARE * cutter.deepest_slot_mm)
+    ramp = math.radians(min(work.ramp_deg(tool), math.degrees(cutter.steepest_rad)))
     made = []
     for middle in middles:
         ends, opens = zip(*(_reach(work, tool, middle, sign) for sign in (-1.0, 1.0)))

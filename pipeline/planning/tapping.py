@@ -106,10 +106,12 @@ def _tip_mm(work, bore, one, tool):
 
 
 def speed_rpm(work, tool):
-    """Speed of a tap, in steps of STEP_RPM, no faster than the machine feeds."""
-    spindle, wish = work.machine.spindle, work.operation.spindle_rpm
-    speed, _ = work.material.drilling
-    wanted = wish or SPEED_SHARE * speed * 1000.0 / (math.pi * tool.cutter.diameter_mm)
+    """Speed of a tap, in steps of STEP_RPM, no faster than the machine feeds: the operation's, its preset's, the material's."""
+    spindle, wish, preset = work.machine.spindle, work.operation.spindle_rpm, work.preset(tool, False)
+    speed = work.operation.cutting_speed_m_per_min
+    if wish is None and speed is None and preset is not None:
+        wish, speed = preset.spindle_rpm, preset.cutting_speed_m_per_min
+    wanted = wish or (speed or SPEED_SHARE * work.material.drilling[0]) * 1000.0 / (math.pi * tool.cutter.diameter_mm)
     most = min(spindle.max_rpm, tool.cutter.max_rpm or math.inf, work.machine.max_feed_mm_per_min / tool.cutter.pitch_mm)
     rpm = min(max(wanted, spindle.min_rpm), most)
     return float(math.ceil(spindle.min_rpm) if rpm < spindle.min_rpm + STEP_RPM else STEP_RPM * math.floor(rpm / STEP_RPM + 1e-9))

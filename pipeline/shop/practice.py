@@ -17,7 +17,7 @@ from cuspline.values.models import Sparse
 class Practice(Sparse):
     """Values of a shop for every job; lengths in millimetres."""
 
-    LEFT_OUT = ("constant_speed", "feed_by_engagement", "feed_most")
+    LEFT_OUT = ("constant_speed", "feed_by_engagement", "feed_most", "spot_holes")
     rough_allowance_mm: float = Field(default=0.3, ge=0, le=20, description="roughing leaves it on the faces")
     semi_allowance_mm: float = Field(default=0.1, ge=0, le=5, description="a semi-finish leaves it")
     semi_scallop_mm: float = Field(default=0.05, gt=0, le=5, description="largest cusp of a semi-finish")
@@ -35,6 +35,7 @@ class Practice(Sparse):
                                   description="of the arcs in and out, never more than the cutter's radius")
     stock_allowance_mm: float = Field(default=2.0, ge=0, le=500,
                                       description="material all round the part where a design states no stock")
+    spot_holes: bool = Field(default=False, description="drills that do not say it are preceded by a spot drill")
     tool_change_s: float = Field(default=60.0, ge=0, le=3600, description="what one more tool costs: its change, approach, overlap")
     constant_speed: bool = Field(default=False, description="S words that keep the cutting speed where the edge cuts")
     feed_by_engagement: bool = Field(default=False, description="feeds that keep the thickness of chips on the stock as it stands")

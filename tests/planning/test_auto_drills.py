@@ -11,13 +11,14 @@ from cuspline.planning.strategies.auto import Auto
 from cuspline.planning.strategies.bore import Bore
 from cuspline.planning.strategies.drill import Drill
 from cuspline.program.program import Kind
+from cuspline.shop.practice import Practice, ShopFile
 from cuspline.values.errors import PlanError
 
 MACHINE, SHOP = catalogue.find_machine("mill_3axis"), catalogue.find_library(None)
 X, Y, TOP, FLOOR = 110.0, 80.0, 12.0, 6.0
 
 
-def planned(solid, operation=Auto(), threads=None, inner=None, **finish):
+def planned(solid, operation=Auto(), threads=None, inner=None, shop=ShopFile(), library=SHOP, **finish):
     """SetupPlan of a block's inner faces."""
     inner = inner or FacePredicate(name="inside", at_least=1, center_min_mm=(0.5, 0.5, 0.3),
                                    center_max_mm=(X - 0.5, Y - 0.5, TOP - 0.3))
@@ -27,7 +28,7 @@ def planned(solid, operation=Auto(), threads=None, inner=None, **finish):
                     material="aluminium_6061", stock=StockBox(min_mm=(0, 0, 0), max_mm=(X, Y, TOP)),
                     finish=Finish(**{"scallop_mm": 0.01, "profile_tolerance_mm": 0.003, "gouge_mm": 0.004, **finish}),
                     setups=(Setup(name="setup-1", faces=("inside",), operations=(operation,), wcs_in_words="corner"),))
-    return plan_setup(design, design.setups[0], MACHINE, SHOP)
+    return plan_setup(design, design.setups[0], MACHINE, library, shop=shop)
 
 
 def block():
@@ -151,6 +152,18 @@ def test_a_drill_that_comes_out_in_a_cross_bore_leaves_what_stands_of_the_bottom
     plan = planned(solid, Drill(), inner=wall)
     tip = plan.operations[0].moves.end_mm[:, 2].min()
     assert 4 - 1.732 * np.tan(np.radians(20)) - 1e-3 < tip < 4 - 1.732 * np.tan(np.radians(20)) + 0.03
+
+
+def test_auto_spots_where_the_shop_says_so_and_says_why_where_it_cannot():
+    shop = ShopFile(practice=Practice(spot_holes=True))
+    plate = block().cut(at(-1, (10, 10), (90, 20)).circle(3.0).extrude(20))
+    spots, drill = planned(plate, shop=shop).operations
+    assert (spots.tool.cutter.type, spots.facts["holes"], "not_spotted" in drill.facts) == ("spot_drill", 2, False)
+    alone = SHOP.model_copy(update={"tools": tuple(t for t in SHOP.tools if t.cutter.type != "spot_drill")})
+    drill, = planned(plate, shop=shop, library=alone).operations
+    assert "has no spot drill" in drill.facts["not_spotted"]
+    drill, = planned(plate, Drill(spot=False), shop=shop).operations
+    assert drill.name == "drill"
 
 
 def test_spots_go_before_the_drill_and_are_narrower_than_their_holes():

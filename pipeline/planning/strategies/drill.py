@@ -25,7 +25,7 @@ class Drill(Operation):
     retract_mm: float | None = Field(default=None, gt=0, le=500,
                                      description="above the stock over a hole it begins to feed; left out: the shop's approach_mm")
     spot: bool | None = Field(default=None, description="a spot drill goes before, 0.8 of the hole wide, so that the drill does "
-                              "not wander; left out: none does")
+                              "not wander; left out: as the shop's spot_holes says")
     stays_low: bool = Field(default=False, description="from hole to hole in the retract plane (G99), not at the clearance (G98)")
 
     @model_validator(mode="after")

@@ -7,6 +7,8 @@ from foreign_libraries import freecad_bit, freecad_library, fusion_library, fusi
 from cuspline.app import catalogue
 from cuspline.planning.context import PlanningContext
 from cuspline.planning.strategies.pocket import Pocket
+from cuspline.planning.strategies.tap import Tap
+from cuspline.planning.tapping import speed_rpm
 from cuspline.shop.presets import Preset
 from cuspline.shop.tool_exchange.importing import import_tools
 from cuspline.values.errors import PlanError
@@ -66,15 +68,23 @@ def test_a_preset_that_says_nothing_is_listed_and_a_freecad_bit_keeps_its_own(tm
 
 
 @pytest.fixture(scope="module")
-def speeds_of():
-    """Function of (Preset values of T3, an operation's fields) to (rpm, feed of roughing with T3, coolant's preset)."""
+def work_with():
+    """Function of (Preset values of a tool, an operation's fields) to (PlanningContext, the tool)."""
     part = design(Block())
 
-    def asked(*presets, **says):
-        tools = tuple(t.model_copy(update={"presets": presets or None}) if t.number == 3 else t for t in SHOP.tools)
+    def made(*presets, number=3, operation=None, **says):
+        tools = tuple(t.model_copy(update={"presets": presets or None}) if t.number == number else t for t in SHOP.tools)
         work = PlanningContext(part, part.setups[0], MACHINE, SHOP.model_copy(update={"tools": tools}))
-        work = work.of(Pocket(**says), ())
-        tool = work.magazine.number(3)
+        return work.of(operation or Pocket(**says), ()), work.magazine.number(number)
+
+    return made
+
+
+@pytest.fixture(scope="module")
+def speeds_of(work_with):
+    """Function of (Preset values of T3, an operation's fields) to (rpm, feed of roughing with T3, coolant's preset)."""
+    def asked(*presets, **says):
+        work, tool = work_with(*presets, **says)
         return (*work.speeds(tool, is_rough=True), getattr(work.preset(tool, True), "name", None))
 
     return asked
@@ -89,6 +99,26 @@ def test_the_preset_for_the_jobs_material_is_used_and_no_other_unless_it_is_aske
     assert speeds_of(OTHER) == plain and plain[2] is None
     assert speeds_of(OTHER, MINE) == (5000, 5000 * 0.06 * 3, "mine")
     assert speeds_of(OTHER, MINE, preset="other") == (3000, 3000 * 0.02 * 3, "other")
+
+
+def test_depths_and_ramps_of_a_preset_are_used_where_the_operation_is_silent(work_with):
+    deep = MINE.model_copy(update={"stepdown_mm": 1.25, "stepover_mm": 900.0, "ramp_deg": 90.0})
+    work, tool = work_with(deep)
+    assert (work.stepdown_mm(tool), work.ramp_deg(tool)) == (1.25, 44.9)
+    assert work.of_preset("stepover_mm", tool) == tool.cutter.radius_mm          # no wider than a shop may ask for
+    work, tool = work_with(deep, stepdown_mm=0.5, ramp_deg=2.0)
+    assert (work.stepdown_mm(tool), work.ramp_deg(tool)) == (0.5, 2.0)
+    work, tool = work_with(MINE)
+    assert work.stepdown_mm(tool) == work.material.stepdown_share * tool.cutter.diameter_mm
+    assert (work.ramp_deg(tool), work.of_preset("stepdown_mm", tool)) == (work.practice.ramp_deg, None)
+
+
+def test_a_tap_runs_by_its_preset_in_steps_of_ten(work_with):
+    work, tool = work_with(Preset(name="aluminium_6061", spindle_rpm=1234.0), number=next(
+        t.number for t in SHOP.tools if t.cutter.type == "tap"), operation=Tap())
+    assert speed_rpm(work, tool) == 1230.0
+    work, _ = work_with(Preset(name="aluminium_6061", spindle_rpm=1234.0), number=tool.number, operation=Tap(spindle_rpm=900.0))
+    assert speed_rpm(work, tool) == 900.0
 
 
 def test_what_an_operation_states_goes_before_its_preset(speeds_of):
