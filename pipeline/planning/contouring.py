@@ -16,8 +16,8 @@ from cuspline.planning.freeform_finishing import TERRACE_SHARE
 from cuspline.planning.tabs import is_clear_of, overs_beside, overs_from, tabs_on
 from cuspline.program.program import Moves, MoveWriter
 from cuspline.toolpaths.prismatic.compensated_path import compensated_contour, is_move, with_straight_ways
-from cuspline.toolpaths.prismatic.contour_moves import arc_leads, follow, helix, lengthened
-from cuspline.toolpaths.prismatic.plan_elements import PlanChain, chains_of, offset_chain
+from cuspline.toolpaths.prismatic.contour_moves import Leads, arc_leads, follow, helix, lengthened
+from cuspline.toolpaths.prismatic.plan_elements import PlanChain, PlanElement, chains_of, offset_chain
 from cuspline.toolpaths.prismatic.tabs import follow_over
 from cuspline.toolpaths.prismatic.upright_walls import upright_walls
 from cuspline.values import fixed_math as fixed
@@ -175,13 +175,34 @@ def helical(work, tool, path, heights_mm, how, overs=()):
 
 
 def _level_by_level(work, tool, path, heights_mm, how, overs):
-    """Moves along an open path, each level from beside the stock; it has no tabs."""
+    """Moves along an open path, each level from beside the stock, or down by a ramp where there is no such place; no tabs."""
     (top, low), (stepdown, feed) = heights_mm, how
-    elements, leads = _open_leads(work, tool, path, low)
+    try:
+        elements, leads = _open_leads(work, tool, path, low)
+    except PlanError:
+        return _to_and_fro(work, tool, path, heights_mm, how)
     count = math.ceil((top - low) / stepdown - 1e-9)
     heights = np.linspace(top, low, count + 1)[1:].tolist()
     parts = [one_pass(work, (elements, leads), tool.cutter.radius_mm, z, feed) for z in heights]
     return Moves.joined(parts)
+
+
+def _to_and_fro(work, tool, path, heights_mm, how):
+    """Moves to and fro along an open path, evenly down by a ramp, and once along it at the bottom; it begins on the stock's top."""
+    (top, low), (stepdown, feed) = heights_mm, how
+    ramp = math.radians(min(work.ramp_deg(tool), math.degrees(tool.cutter.steepest_rad)))
+    turn = min(stepdown, path.length_mm * float(fixed.tan(ramp)))
+    begin = path.elements[0].start
+    writer = MoveWriter((*begin, work.clearance_z_mm))
+    over = max(top, over_mm(work, begin, tool.cutter.radius_mm)) + work.practice.approach_mm
+    writer.rapid((*begin, min(over, work.clearance_z_mm)))
+    writer.feed((*begin, top), work.practice.plunge_share * feed)
+    ways, count = (path.elements, path.reversed().elements), math.ceil((top - low) / turn - 1e-9)
+    heights = [*np.linspace(top, low, count + 1).tolist(), low]
+    for k, (high, z) in enumerate(pairwise(heights)):
+        follow(writer, ways[k % 2], z, feed, high)
+    writer.rapid((*writer.here_mm[:2], work.clearance_z_mm))
+    return writer.moves()
 
 
 def _finished(work, tool, candidates, sections, tabs):
@@ -336,7 +357,22 @@ def _open_leads(work, tool, path, low_mm):
         beyond = PlanChain(elements=elements, is_closed=False)
         if _is_free(work, tool, leads, low_mm) and _blocked(work, tool, beyond, low_mm) is None:
             return elements, leads
-    raise _no_way_in(work, tool, path, low_mm)
+    return path.elements, _leads_in_the_cut(work, tool, path, low_mm)
+
+
+def _leads_in_the_cut(work, tool, path, low_mm):
+    """Leads straight across from where the pass before ran, and back: for a path both of whose ends are within stock.
+
+    Raises:
+        PlanError: stock stands there, or the control shifts the contour, which wants its arcs.
+    """
+    first, last = path.elements[0], path.elements[-1]
+    across = (first.left(0.0), last.left(last.length_mm))
+    begin, end = first.start + left_mm(work) * across[0], last.end + left_mm(work) * across[1]
+    inside = (tool.cutter.radius_mm - WITHIN_MM) / RINGS[-1]
+    if _is_shifted(work) or (stock_over(work, begin[None], inside) > low_mm + STANDS_MM).any():
+        raise _no_way_in(work, tool, path, low_mm)
+    return Leads(way_in=(PlanElement(start=begin, end=first.start),), way_out=(PlanElement(start=last.end, end=end),))
 
 
 def _leads(work, tool, elements, radius_mm, high_mm):

@@ -102,7 +102,7 @@ def _clear(work, stage, tool, candidates, stock, rows, levels):
 def along_flutes(work, tool, levels):
     """(Clearing,) as deep as the floors and so much narrower that a tooth takes what it would in levels; () where it is no deeper.
 
-    Where the operation, or the preset, states stepdown or stepover these stand, and there is none.  `levels`: indices of the floors.
+    Where the operation, or the preset, states stepdown or stepover these stand, there is none.  `levels`: indices of the floors.
     """
     stated, cutter, share = work.operation, tool.cutter, work.material.stepdown_share
     d = cutter.diameter_mm

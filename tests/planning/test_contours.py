@@ -102,6 +102,20 @@ def test_an_open_chain_begins_and_ends_beside_the_stock():
     np.testing.assert_allclose(low, [(-7, 3, 0), (-5, 5, 0), (-5, Y, 0), (-7, Y + 2, 0)], atol=1e-9)
 
 
+def test_an_open_chain_within_stock_comes_down_by_a_ramp_and_the_finish_where_that_has_cut():
+    """Stock 60 mm all round: no place beside it; 3 degrees along 31 mm to and fro."""
+    left = {"center_min_mm": (-1, 5, 1), "center_max_mm": (1, Y + 1, Z - 1)}
+    rough, finish = planned(plate(), Contour(tool="flat 10"), left, stock=60.0).operations
+    moves = rough.moves
+    feeding = moves.kind != Kind.RAPID
+    down = (moves.starts_mm[:, 2] - moves.end_mm[:, 2])[feeding]
+    flat = np.hypot(*(moves.end_mm - moves.starts_mm)[feeding, :2].T)
+    assert (down[1:] <= flat[1:] * np.tan(np.radians(3.0)) + 1e-9).all() and moves.end_mm[:, 2].min() == 0
+    assert set(moves.end_mm[feeding, 0].round(9)) == {-5.3}                 # finish_allowance_mm beside the wall
+    low = finish.moves.end_mm[np.abs(finish.moves.end_mm[:, 2]) < 1e-9]
+    np.testing.assert_allclose(low, [(-5.3, 5, 0), (-5, 5, 0), (-5, Y, 0), (-5.3, Y, 0)], atol=1e-9)
+
+
 CHAMFERED = {"center_min_mm": (-1, -1, Z - 0.9), "center_max_mm": (X + 1, Y + 1, Z - 0.1)}
 
 

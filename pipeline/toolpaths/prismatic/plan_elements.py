@@ -130,6 +130,11 @@ class PlanChain:
             along_mm -= element.length_mm
         return self.elements[-1], self.elements[-1].length_mm
 
+    def reversed(self):
+        """The same from its end to its beginning, the material on its left then."""
+        back = [PlanElement(start=e.end, end=e.start, center=e.center, is_left=not e.is_left) for e in reversed(self.elements)]
+        return PlanChain(elements=tuple(back), is_closed=self.is_closed)
+
     def starts_mm(self):
         """Lengths along the chain of its elements' middles: lines first, then the longest."""
         ends = np.cumsum([e.length_mm for e in self.elements])
