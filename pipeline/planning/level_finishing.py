@@ -24,6 +24,7 @@ from cuspline.values.errors import CutterDoesNotFit, PlanError, ToolpathError
 
 UPRIGHT = 1e-6              # of a unit normal's z: an upright wall
 FLAT_SHARE = 0.95           # of the width of its flat a cutter moves over: no ridge is left
+FOOT_SHARE = 0.01           # of the floors, that a flat cutter is to finish beyond what balls come to
 ASIDE_MM = 0.01             # from a wall, of the outermost passes side by side: those along the walls come nearer
 PITCH_SHARE = 0.05          # of the cutter's radius: grid on which the region of a floor is looked for
 OVER_SHARE = 0.2            # of the radius that passes run over an open edge
@@ -147,11 +148,13 @@ class FloorCutter:
         return (*self.levels, *self.walls)
 
 
-def faster_floor_cutter(work, ball, change_s):
-    """FloorCutter of the operation's level faces, where a flat cutter with its change takes less time there than a ball.
+def faster_floor_cutter(work, ball, change_s, by_balls=None):
+    """FloorCutter of the operation's level faces, where a flat cutter with its change takes less time there than a ball, or comes
+    to a foot of walls that lean, where balls leave their own radius.
 
     Args:
         work: PlanningContext.   ball: the Tool that would finish them.   change_s: of the flat cutter; 0: there is no ball then.
+        by_balls: (n,) bool of the samples that balls would reach; None: they count for all.
     """
     levels = tuple(i for i in work.wanted if is_level(work.faces[i]))
     tools = work.library.of_type("flat")
@@ -169,8 +172,10 @@ def faster_floor_cutter(work, ball, change_s):
         on = np.isin(work.samples.face, (*levels, *walls))
         is_reached = np.zeros(len(on), bool)
         is_reached[on] = reached[np.isin(mine.samples.face, (*levels, *walls))]
-        seconds = lambda t: work.finishing_work().seconds(t, work.samples, is_reached & np.isin(work.samples.face, levels))
-        if seconds(tool) + change_s < seconds(ball):
+        is_floor, area = np.isin(work.samples.face, levels), work.samples.area_mm2
+        seconds = lambda t: work.finishing_work().seconds(t, work.samples, is_reached & is_floor)
+        more_mm2 = 0.0 if by_balls is None else area[is_reached & is_floor & ~by_balls].sum()
+        if more_mm2 > FOOT_SHARE * area[is_floor].sum() or seconds(tool) + change_s < seconds(ball):
             return FloorCutter(tool=tool, candidates=candidates, levels=levels, walls=walls, is_reached=is_reached)
     return None
 

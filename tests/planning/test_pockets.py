@@ -5,6 +5,7 @@ import functools
 import cadquery as cq
 import numpy as np
 import pytest
+import seeded_pockets
 from clearing_meter import measure_cuts
 
 from cuspline.app import catalogue
@@ -108,3 +109,12 @@ def test_a_slot_is_entered_by_a_ramp_and_finished_along_both_walls():
 def test_what_cannot_be_done_is_refused(solid, operation, faces, why):
     with pytest.raises(CamError, match=why):
         planned(solid, operation, faces)
+
+
+def test_a_floor_between_drafted_walls_is_finished_by_a_flat_cutter_and_the_walls_by_a_ball():
+    """Balls alone left 278 of 556 mm2: their own radius along the whole foot."""
+    part = seeded_pockets.design(seeded_pockets.Seeded(seed=77))
+    plan = plan_setup(part, part.setups[0], MACHINE, SHOP)
+    rough, floor, walls = plan.operations
+    assert [o.tool.cutter.type for o in (rough, floor, walls)] == ["flat", "flat", "ball"] and floor.facts["strategy"] == "floor"
+    assert plan.area_reached_mm2 > 370.0

@@ -21,6 +21,7 @@ from cuspline.planning.strategies.tap import Tap
 from cuspline.planning.strategies.thread_mill import ThreadMill
 from cuspline.planning.strategies.waterline import Waterline
 from cuspline.surfaces.holes import PARALLEL
+from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import CutterDoesNotFit, PlanError, ToolpathError
 
 SEMI, FINISHES = "semi-finish", ("semi-finish", "finish")     # names of the balls' operations
@@ -217,7 +218,7 @@ def _free_form(work, may_take_floors=False):
     chain, candidates, reached = choose_finishing(work.finishing_library, work.samples, work.mesh,
                                                   practice.rough_allowance_mm, work.finishing_work())
     tools = [link.tool for link in chain]
-    floor = level_finishing.faster_floor_cutter(work, tools[0], practice.tool_change_s) if may_take_floors else None
+    floor = level_finishing.faster_floor_cutter(work, tools[0], practice.tool_change_s, reached) if may_take_floors else None
     if floor is not None:
         return _with_floors(work, floor)
     semi = lambda: freeform_finishing.finish(work, _semi_finish(work), tools[0], ())
@@ -263,10 +264,8 @@ def _with_floors(work, floor):
     """Level faces and their walls by a flat cutter between roughing and the balls, which finish all that it does not."""
     others = [i for i in work.wanted if i not in floor.faces]
     flat = lambda planned: _by_flat_cutter(work.on(Floor(), floor.faces, planned), floor)
-    if not others:
-        rough = roughed(work, floor.tool, floor.is_reached, lambda: None)
-        made = [*rough, *flat([*work.planned, *rough])]
-        return [*made, *_corners(work, floor, [*work.planned, *made])], floor.is_reached
+    if not others or _lean_alone(work.on(work.operation, others, work.planned)):
+        return _floors_and_leaning_walls(work, floor, flat, others)
     made, rows = _free_form(work.on(work.operation, others, work.planned))
     reached = floor.is_reached.copy()
     reached[np.isin(work.samples.face, others)] = rows
@@ -274,6 +273,30 @@ def _with_floors(work, floor):
     floors = flat([*work.planned, *made[:first]])
     made = [*made[:first], *floors, *made[first:]]
     return [*made, *_corners(work, floor, [*work.planned, *made])], reached
+
+
+def _floors_and_leaning_walls(work, floor, flat, walls):
+    """Roughing, the floors by function `flat` of what is planned, their corners, leaning walls by a ball's waterlines."""
+    rough = roughed(work, floor.tool, floor.is_reached, lambda: None)
+    made = [*rough, *flat([*work.planned, *rough])]
+    made += _corners(work, floor, [*work.planned, *made])
+    if not walls:
+        return made, floor.is_reached
+    mine, reached = work.on(Waterline(), walls, [*work.planned, *made]), floor.is_reached.copy()
+    try:
+        chain, candidates, rows = choose_finishing(work.finishing_library, mine.samples, work.mesh,
+                                                   work.practice.rough_allowance_mm, work.finishing_work())
+    except CutterDoesNotFit as error:               # they are so low that no ball comes to them beside the floor
+        return told_of(made, f"walls beside the floors: {error}"), reached
+    sides = freeform_finishing.walls_alone(mine, chain[-1].tool, candidates)
+    reached[np.isin(work.samples.face, walls)] = rows if sides is not None else False
+    return [*made, *([sides] if sides is not None else [])], reached
+
+
+def _lean_alone(work):
+    """Whether all faces are walls too steep for passes seen from above, some of them with draft."""
+    up = work.samples.normal[:, 2]
+    return bool((up < fixed.cos(math.radians(work.operation.steep_deg))).all() and (up > level_finishing.UPRIGHT).any())
 
 
 def _corners(work, floor, planned):
