@@ -300,8 +300,8 @@ def _logarithmic(axis):
 
 def _columns(begin, end, height):
     """(n, 4, 2) corners of columns from 0 up to a height."""
-    return np.stack([np.column_stack(corner) for corner in ((begin, 0 * height), (begin, height), (end, height), (end, 0 * height))],
-                    axis=1)
+    corners = ((begin, 0 * height), (begin, height), (end, height), (end, 0 * height))
+    return np.stack([np.column_stack(corner) for corner in corners], axis=1)
 
 
 def _figure():
