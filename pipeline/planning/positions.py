@@ -95,8 +95,8 @@ def positions(solid, indices, library, *, ways=None, steepest_deg=60.0, standing
         more, steepest_deg = closer
         look = _Look.at(_some_samples(solid, indices, more), balls, tree, standing_mm)
         left = ~look.seen([(p.direction, p.held) for p in found], steepest_deg).any(axis=(0, 1))
-        again = tuple(replace(h, ways=turnable(directions(CLOSER_DEG), h.machine.kinematics, h.frame)) for h in _helds(ways))
-        added, left = look.chosen(_candidates(again), left, steepest_deg, LEAST_LEFT_MM2)
+        again = [(way, h) for h in _helds(ways) for way in turnable(directions(CLOSER_DEG), h.machine.kinematics, h.frame)]
+        added, left = look.chosen(again, left, steepest_deg, LEAST_LEFT_MM2)
         found += added
     area = look.samples.area_mm2
     return Positions(positions=tuple(found), area_mm2=float(area.sum()), left_mm2=float(area[left].sum()),
