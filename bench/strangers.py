@@ -18,8 +18,8 @@ from users_parts import HEAD, told  # noqa: E402
 from cuspline.kernel import brep  # noqa: E402
 
 HERE = Path(__file__).parent / "strangers"
-PARTS = ("bracket", "housing", "manifold", "oring_cover", "hub", "two_sides", "slanted", "l_pocket", "clamp", "indexed", "valve_cover",
-         "motor_mount")
+PARTS = ("bracket", "housing", "manifold", "oring_cover", "hub", "two_sides", "slanted", "l_pocket", "clamp", "indexed",
+         "valve_cover", "motor_mount")
 JOBS = ("clamp",)           # STEP with a job file
 
 
