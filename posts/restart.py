@@ -36,6 +36,17 @@ def operations_of(text):
     return [number for number, line, has_tool in _operations(text.splitlines()) if has_tool]
 
 
+def operations_in_words(text):
+    """{number: what its comment says} of the operations that a program can begin at.
+
+    >>> operations_in_words("G21\n(OPERATION 1: ROUGH, T3 FLAT)\nT3 M6\nS9 M3\nM2\n")
+    {1: 'ROUGH, T3 FLAT'}
+    """
+    lines = text.splitlines()
+    return {number: lines[k].partition(f"OPERATION {number}: ")[2].removesuffix(")")
+            for number, k, has_tool in _operations(lines) if has_tool}
+
+
 def _operations(lines):
     """(number, index of its first line, whether its tool comes in before anything runs)."""
     begins = [(int(found[1]), k) for k, found in enumerate(map(OPERATION.match, lines)) if found]

@@ -53,7 +53,7 @@ def _options(version: Annotated[bool, typer.Option("--version", callback=_print_
 @app.command()
 def build(
         design: Annotated[str, typer.Argument(help="name of a design, a .py file, or a .toml job for a STEP part")],
-        param: Annotated[list[str], typer.Option("-p", "--param", help="name=value, repeatable")] = [],
+        param: Annotated[list[str], typer.Option("-p", "--param", metavar="NAME=VALUE", help="repeatable")] = [],
         params: Annotated[str, typer.Option(help="several name=value in one text, quoted as a shell reads them")] = "",
         machine: Annotated[Optional[str], typer.Option(
             help="name of a machine, or its TOML file; else the design's own")] = None,
@@ -65,8 +65,8 @@ def build(
         stage: Annotated[str, typer.Option(help="last stage: step, plan, gcode, verify or report")] = "report",
         draft: Annotated[bool, typer.Option("--draft", help="only a first look at what the program would cut, nothing proven, into "
                                             "<folder>-draft")] = False,
-        accept: Annotated[list[str], typer.Option(help="kind of finding to publish with, repeatable")] = []):
-    """Build one design: STEP, plan, program, simulation, verdict, report."""
+        accept: Annotated[list[str], typer.Option(metavar="KIND", help="kind of finding to publish with, repeatable")] = []):
+    """Build one design.  STEP, plan, program, simulation, verdict, report."""
     with Stages() as stages:
         stages.show(f"{design}: reading")
         from cuspline.app.request import Request
@@ -92,11 +92,11 @@ def _words(text):
 
 @app.command()
 def faces(part: Annotated[str, typer.Argument(help="a STEP file, a design or a job file")],
-          param: Annotated[list[str], typer.Option("-p", "--param", help="name=value of a design, repeatable")] = [],
+          param: Annotated[list[str], typer.Option("-p", "--param", metavar="NAME=VALUE", help="of a design, repeatable")] = [],
           toml: Annotated[bool, typer.Option("--toml", help="predicates for a job file instead of Python")] = False,
           pictures: Annotated[Optional[Path], typer.Option(help="folder for pictures of the numbered faces")] = None,
           json: AsJson = False):
-    """List a part's faces, with a predicate for each that is ready to be pasted."""
+    """List a part's faces.  With a predicate for each that is ready to be pasted."""
     from cuspline.app.face_list import draw_faces, face_rows, solid_of
     solid = solid_of(part, param)
     _print(face_rows(solid), json, lambda f: [
@@ -119,13 +119,14 @@ def _feature_in_words(feature):
 
 @app.command()
 def positions(part: Annotated[str, typer.Argument(help="a STEP file, a design or a job file")],
-              param: Annotated[list[str], typer.Option("-p", "--param", help="name=value of a design, repeatable")] = [],
-              faces: Annotated[list[str], typer.Option(help="faces of a design by name, repeatable; none: all that are cut")] = [],
+              param: Annotated[list[str], typer.Option("-p", "--param", metavar="NAME=VALUE", help="of a design, repeatable")] = [],
+              faces: Annotated[list[str], typer.Option(metavar="NAME", help="faces of a design, repeatable; none: all that are "
+                                                       "cut")] = [],
               machine: Annotated[Optional[str], typer.Option(help="machine by name or file; left out: the design's")] = None,
               cutters: Annotated[Optional[Path], typer.Option(help="tool library: a JSON file, or small_mills")] = None,
               steepest: Annotated[float, typer.Option(min=10, max=90, help="degrees between a face's normal and the tool")] = 60.0,
               json: AsJson = False):
-    """Find the few directions from which balls of the library see a part's faces: indexed positions, ready to be pasted."""
+    """Find indexed positions.  The few directions from which balls of the library see a part's faces, ready to be pasted."""
     from cuspline.app.position_list import in_words, position_rows
     _print(position_rows(part, param, faces, machine, cutters, steepest), json, in_words)
 
@@ -151,8 +152,8 @@ def verify(
             help="markers (CSV): judge the programs as they stand on a part that sits as measured here")] = None,
         post: Annotated[Optional[str], typer.Option(
             help="the .py file of the post that wrote the programs, where it is no post of ours")] = None,
-        accept: Annotated[list[str], typer.Option(help="kind of finding to pass over this time, repeatable")] = []):
-    """Judge posted files on disk again, against the STEP beside them; the exit status is the worst of all."""
+        accept: Annotated[list[str], typer.Option(metavar="KIND", help="kind of finding to pass over this time, repeatable")] = []):
+    """Judge posted files on disk again.  Against the STEP beside them; the exit status is the worst of all."""
     from cuspline.app.outcome import refuse_unknown_kinds
     refuse_unknown_kinds(accept)
     worst = 0
@@ -201,11 +202,13 @@ def _verified(folder, measured, post, accept):
 
 
 @app.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
-             help="Build variants of a design side by side: `cuspline sweep part.py -p a=1:5:9 -p b=2,4`, with all other options "
+             options_metavar="DESIGN [OPTIONS]",
+             help="Build variants of a design side by side.  `cuspline sweep part.py -p a=1:5:9 -p b=2,4`, with all other options "
                   "of `cuspline build`; a table of every figure, a gallery, time against cusp.")
 def sweep(
         context: typer.Context,
-        param: Annotated[list[str], typer.Option("-p", "--param", help="name=from:to:count or name=value,value; repeatable")] = [],
+        param: Annotated[list[str], typer.Option("-p", "--param", metavar="NAME=VALUES", help="from:to:count or value,value; "
+                                                     "repeatable")] = [],
         sample: Annotated[Optional[int], typer.Option(min=1, help="only so many of all combinations, always the same ones")] = None,
         workers: Annotated[Optional[int], typer.Option(min=1, max=1024, help="processes here; left out: one a core")] = None,
         scheduler: Annotated[Optional[str], typer.Option(help="a dask.distributed scheduler, tcp://host:port")] = None,
@@ -218,7 +221,8 @@ def sweep(
 
 
 @app.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
-             help="Build a part again whenever it is saved, and show it on a page of this machine; takes all options of "
+             options_metavar="DESIGN [OPTIONS]",
+             help="Build a part again whenever it is saved.  Shows it on a page of this machine; takes all options of "
                   "`cuspline build`.")
 def watch(context: typer.Context,
           port: Annotated[int, typer.Option(min=0, max=65535, help="of the page; 0: any that is free")] = 0):
@@ -244,7 +248,7 @@ def diff(old: Annotated[Path, typer.Argument(help="folder of outputs")],
          json: AsJson = False,
          markdown: Annotated[bool, typer.Option("--markdown", help="for a pull request")] = False,
          picture: Annotated[Optional[Path], typer.Option(help="write what changed in plan there (SVG)")] = None):
-    """Compare two folders of outputs, programs by their moves; exit status 0: the same, 1: something differs."""
+    """Compare two folders of outputs.  Programs by their moves; exit status 0: the same, 1: something differs."""
     from cuspline.app import comparison_words
     from cuspline.app.comparison import compared
     from cuspline.app.comparison_picture import picture as drawn
@@ -285,12 +289,13 @@ def restart(program: Annotated[Path, typer.Argument(help="a posted program, or o
             point: Annotated[Optional[str], typer.Argument(
                 help="restart point, as N2003, or an operation, as OP3; none: list them")] = None,
             to: Annotated[Optional[Path], typer.Option(help="write it there; none: to the screen")] = None):
-    """Begin a program at one of its operations, or of the restart points among repeated passes."""
-    from cuspline.posts.restart import operations_of, restart_points, restarted, restarted_at_operation
+    """Begin a program at one of its operations.  Or at one of the restart points among repeated passes."""
+    from cuspline.posts.restart import operations_in_words, restart_points, restarted, restarted_at_operation
     text = text_of(program, "program", encoding="ascii", largest_bytes=LARGEST_PROGRAM_BYTES)
     if point is None:
-        points = [*(f"OP{k}" for k in operations_of(text)), *(f"N{k}" for k in restart_points(text))]
-        print(" ".join(points) or "no restart points")
+        points = " ".join(f"N{k}" for k in restart_points(text))
+        rows = [*(f"OP{k}  {words}" for k, words in operations_in_words(text).items()), *([points] if points else [])]
+        print("\n".join(rows) or "no restart points")
         return
     is_operation = point.upper().startswith("OP")
     digits = point.upper().removeprefix("OP" if is_operation else "N")
@@ -311,10 +316,11 @@ def repost(folder: Annotated[Path, typer.Argument(help="a folder of outputs")],
            diameter: Annotated[Optional[float], typer.Option(min=0.01, max=200, help="its diameter as measured, mm")] = None,
            setup: Annotated[Optional[str], typer.Option(help="its name, where the folder has several")] = None,
            to: Annotated[Optional[Path], typer.Option(help="write it there; none: to the screen")] = None):
-    """The rest of a program from any retract on, for a ball of another measured diameter: edges or cutter were changed."""
+    """Post the rest of a program for a changed ball.  From any retract on, for its diameter as measured."""
     from cuspline.app.reposting import reposted, restart_lines
     if line is None:
-        print(" ".join(str(n) for n in restart_lines(folder, setup)))
+        for name, lines in restart_lines(folder, setup).items():
+            print(f"{name}: {' '.join(map(str, lines))}")
         return
     if (tool is None) != (diameter is None):
         raise InputError("--tool and --diameter go together: which ball was changed, and what it measures")
@@ -337,7 +343,7 @@ def _hand_out(texts, to, option):
 @app.command()
 def monitor(folder: Annotated[Path, typer.Argument(help="a folder of outputs")],
             to: Annotated[Optional[Path], typer.Option(help="write it there; none: to the screen")] = None):
-    """What a monitor at the machine is to expect of every operation (JSON): forces, power, bands in which the teeth strike."""
+    """List what a monitor is to expect (JSON).  Of every operation: forces, power, bands in which the teeth strike."""
     from cuspline.app.monitor import expected
     text = jsonlib.dumps(expected(folder), indent=1) + "\n"
     if to is None:
@@ -352,7 +358,7 @@ def lobes(cutters: Annotated[Path, typer.Option(help="tool library (JSON), its t
           material: Annotated[str, typer.Option(help="work material, whose cutting force is known")],
           machine: Annotated[str, typer.Option(help="machine by name or TOML file")] = "mill_3axis",
           shop: Annotated[Optional[Path], typer.Option(help="a shop's own file (TOML)")] = None, json: AsJson = False):
-    """Spindle speeds at which a tool cuts deepest in a groove without chatter, from its stability lobes."""
+    """List spindle speeds without chatter.  Those at which a tool cuts deepest in a groove, from its stability lobes."""
     from cuspline.app import catalogue
     from cuspline.process.chatter import best_speeds, limits_mm
     from cuspline.shop.cutting_forces import force_of
@@ -380,7 +386,7 @@ def translate(
         cutters: Annotated[Optional[Path], typer.Option(
             help="the tools (JSON), where the post writes their lengths, and for rotary axes")] = None,
         out: Annotated[Optional[Path], typer.Option(help="write it there; none: to the screen")] = None):
-    """Write a program in another control's words: the same moves, read back and compared; what is not known is refused."""
+    """Write a program in another control's words.  The same moves, read back and compared; what is not known is refused."""
     from cuspline.app import catalogue, translation
     text = text_of(program, "program", encoding="ascii", largest_bytes=LARGEST_PROGRAM_BYTES)
     target = translation.machine_of(to) if machine is None else catalogue.with_post(catalogue.find_machine(machine), to)
@@ -400,7 +406,7 @@ def calibrate(machine: Annotated[str, typer.Option(help="machine by name or TOML
               corner_mm: Annotated[Optional[float], typer.Option(
                   min=1e-4, max=100, help="as measured: how far the groove is from its corner, along the bisector")] = None,
               out: Annotated[Optional[Path], typer.Option(help="write it there; none: to the screen")] = None):
-    """The L-shaped test of the drives: its program; with the measured corner, time constants for the machine's file."""
+    """Post the L-shaped test of the drives.  With the corner as measured: time constants for the machine's file."""
     from cuspline.app import catalogue
     from cuspline.app.calibrate import calibration_text, measured_text
     if corner_mm is None:
@@ -450,7 +456,7 @@ def _parameter_row(name, field):
 
 @app.command()
 def strategies(json: AsJson = False):
-    """List the strategies: what operations of a setup can do, with their parameters."""
+    """List the strategies.  What operations of a setup can do, with their parameters."""
     import_module("cuspline.planning.strategies")
     from cuspline.design.operations import REGISTERED
     rows = []
@@ -465,7 +471,7 @@ def strategies(json: AsJson = False):
 
 @app.command()
 def shop(file: Annotated[Optional[Path], typer.Argument(help="a shop's own file (TOML)")] = None, json: AsJson = False):
-    """List what a shop decides: allowances, depths of cut, clearances."""
+    """List what a shop decides.  Allowances, depths of cut, clearances."""
     from cuspline.shop.practice import Practice, shop_file
     practice, fields = shop_file(file).practice, Practice.model_json_schema()["properties"]
     rows = [{**_parameter_row(n, f), "value": getattr(practice, n)} for n, f in fields.items()]
@@ -503,7 +509,7 @@ def cutters(
         stick_out: Annotated[Optional[float], typer.Option(help="mm, for imported tools that come without one")] = None,
         renumber: Annotated[bool, typer.Option(help="number imported tools 1, 2, ...")] = False,
         machine: Annotated[str, typer.Option(help="whose tool table it is")] = "mill_3axis"):
-    """List the tools of a library; import one from Fusion or FreeCAD, export one to them or to a control."""
+    """List the tools of a library.  Import one from Fusion or FreeCAD, export one to them or to a control."""
     from cuspline.app import catalogue
     from cuspline.shop.tool_exchange import files
     mill = catalogue.find_machine(machine)
@@ -540,7 +546,7 @@ def posts(json: AsJson = False):
 
 @app.command()
 def materials(file: Annotated[Optional[Path], typer.Argument(help="a shop's own file (TOML)")] = None, json: AsJson = False):
-    """List the work materials with their cutting data, and where these come from."""
+    """List the work materials.  With their cutting data, and where these come from."""
     from cuspline.shop.materials import known_materials
     from cuspline.shop.practice import shop_file
     own = shop_file(file)
@@ -588,7 +594,7 @@ def findings(kind: Annotated[Optional[str], typer.Argument(help="one of them: an
 
 @app.command()
 def schema(document: Annotated[str, typer.Argument(help="plan, verify, manifest; machine, tools, job or shop")]):
-    """Print a JSON schema: of plan.json, verify.json, manifest.json; of a machine's, a job's, a shop's file; of a tool library."""
+    """Print a JSON schema.  Of plan.json, verify.json, manifest.json; of a machine's, a job's, a shop's file; of a tool library."""
     from cuspline.app.documents import DOCUMENTS, FILES, schema_of
     if document not in DOCUMENTS and document not in FILES:
         raise InputError(f"{shortened(document)}: {no_such(document, (*DOCUMENTS, *FILES))}")
@@ -601,7 +607,7 @@ def release(outputs: Annotated[Path, typer.Argument(help="folder of outputs: eve
             tag: Annotated[str, typer.Argument(help="of the release, in the names of the files")],
             lock: Annotated[Path, typer.Option(help="packages of the environment, for the bill of materials")] = Path(
                 "requirements.lock")):
-    """Files of a release: an archive, STEP and report a published part, a bill of materials, SHA256SUMS."""
+    """Write the files of a release.  An archive, STEP and report a published part, a bill of materials, SHA256SUMS."""
     from cuspline.app.release import TAG, fault, write_assets
     if wrong := fault(outputs):
         raise InputError(wrong)
@@ -616,7 +622,7 @@ def release(outputs: Annotated[Path, typer.Argument(help="folder of outputs: eve
 
 @app.command()
 def new(folder: Annotated[Path, typer.Argument(help="where nothing is yet: the repository's folder")]):
-    """Begin a repository of your own: a part, a Makefile, a workflow, the lock of the environment."""
+    """Begin a repository of your own.  A part, a Makefile, a workflow, the lock of the environment."""
     from cuspline.app.own_repository import write_repository
     names = write_repository(folder)
     print(f"{folder}: {', '.join(names)}; `make` in it builds parts/trough.py")

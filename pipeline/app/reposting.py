@@ -86,9 +86,14 @@ def for_diameter(moves, number, ball, measured_mm, closest):
 
 
 def restart_lines(folder, setup=None):
-    """Lines of a folder's program at which it can be begun again; arguments as for `reposted`."""
+    """{operation: lines at which a folder's program can be begun again in it}; arguments as for `reposted`."""
     read = _program(tuple(read_programs(folder, read_job(folder).beside(folder), read_tools(folder))), setup)
-    return np.unique(lines_of(read.posted, restart_rows(read.posted))).tolist()
+    rows, lines = restart_rows(read.posted), {}
+    for row, line in zip(rows.tolist(), lines_of(read.posted, rows).tolist()):
+        name = f"{read.posted.operation_name(row)}, T{read.posted.tool[row]}"
+        if line not in lines.setdefault(name, []):
+            lines[name].append(line)
+    return lines
 
 
 def reposted(folder, line, number=None, diameter_mm=None, setup=None):
