@@ -13,7 +13,7 @@ from cuspline.values.errors import InputError
 
 OPERATION = re.compile(r"(?:\d+ )?(?:\(|; )OPERATION (\d+):")
 CHANGE = re.compile(r"(?:N?\d+ )?(?:T\d+(?: M6)?|TOOL CALL \d+ .*)$")       # the tool comes in
-SPEED = re.compile(r"(?:N?\d+ )?S\d+ M3")
+SPEED = re.compile(r"(?:N?\d+ )?S\d+ M[34]")
 SUB = re.compile(r"o\d+ sub")
 POINT = re.compile(r"N(\d+)(?: #|$)")
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cuspline.app import catalogue
+from cuspline.program.drilling import DrillCycle
 from cuspline.program.posted import PostedMoves
 from cuspline.program.program import WORK_OFFSETS, Kind, Moves, Operation, Pause, Plane, Program
 from cuspline.values import fixed_math as fixed
@@ -106,7 +107,7 @@ def translated(text, *, name, source, target, tools=None):
         Translation.
     Raises:
         ReadError, PostError: what the one does not know or the other does not take, with its line or its name.
-        InputError: what can be read, but not said in a Program: the other sense of the spindle, several zeros.
+        InputError: what can be read, but not said in a Program: several zeros, threads that are no tapped holes.
     """
     if tools is None and getattr(catalogue.find_post(target.control.post), "NEEDS_LENGTHS", False):
         raise InputError(f"the post {target.control.post} writes tool lengths into the program: give the tools by --cutters")
@@ -116,9 +117,6 @@ def translated(text, *, name, source, target, tools=None):
         raise InputError(f"{target.name} turns rotary axes: where its joints are hangs on the tools' lengths: give the tools by "
                          "--cutters")
     moves = _read(text, source, tools)
-    if (tied := np.flatnonzero(moves.pitch_mm)).size:
-        raise InputError(f"{name}, line {moves.line[tied[0]]}: a thread is tapped, the feed tied to the spindle: that is not "
-                         "translated; plan the part for the other machine")
     program = program_of(moves, name, source.control.post, tools)
     store = target.control.model_copy(update={"program_store_bytes": LARGEST_STORE_BYTES, "program_store_sub_blocks": None})
     target = target.model_copy(update={"control": store})
@@ -176,7 +174,7 @@ def program_of(moves, name, language, tools=None):
 
 def _refuse_what_is_lost(moves):
     cuts = moves.kind != Kind.RAPID
-    wrong = {"the spindle turns backwards (M4)": moves.spindle_rpm < 0, "a cut without a tool": cuts & (moves.tool == 0),
+    wrong = {"a cut without a tool": cuts & (moves.tool == 0),
              "a cut while the spindle stands": cuts & (moves.spindle_rpm == 0),
              _coolants_in_words(moves.coolant): ~np.isin(moves.coolant, list(COOLANTS))}
     for what, rows in wrong.items():
@@ -195,9 +193,10 @@ def _coolants_in_words(coolant):
 
 def _operations(moves, tools):
     """Runs of moves with one tool, coolant and name, whose places are known; the speed changes in the cut alone."""
-    rpm = np.round(moves.spindle_rpm)
+    rpm, hands = np.round(np.abs(moves.spindle_rpm)), _hand_of_taps(moves)
     starts = np.cumsum((moves.kind == Kind.RAPID) & (np.r_[0.0, np.diff(rpm)] != 0))
-    keys = np.column_stack([moves.operation, moves.tool, starts, moves.coolant])
+    backwards = _senses(moves) & (hands == 0)                               # of a tap its thread says it
+    keys = np.column_stack([moves.operation, moves.tool, starts, moves.coolant, backwards, hands])
     pauses = _Pauses(moves)
     known = np.isfinite(moves.start_mm).all(axis=1) & np.isfinite(moves.end_mm).all(axis=1)
     changes = np.flatnonzero((keys[1:] != keys[:-1]).any(axis=1) | (known[1:] != known[:-1])) + 1
@@ -212,9 +211,53 @@ def _operations(moves, tools):
         goes_on = before is not None and before + 1 == rows[0] and moves.tool[before] == tool
         yield Operation(name=moves.operation_name(rows[0]) or f"tool {tool}", tool=own, is_from_top=not goes_on,
                         spindle_rpm=float(rpm[rows[cuts[0]]]), coolant=COOLANTS[int(moves.coolant[rows[0]])],
-                        moves=_moves(moves, rows), rpm_changes=_changes(moves, rows, rpm),
+                        moves=_moves(moves, rows), rpm_changes=_changes(moves, rows, rpm), cycles=_taps(moves, rows),
+                        is_backwards=bool(backwards[rows[cuts[0]]]),
                         pauses=pauses.taken(rows, is_last=k + 1 == len(runs)))
         before = rows[-1]
+
+
+def _senses(moves):
+    """(n,) bool: the spindle turns backwards; where it stands, as it does at the next move."""
+    turns = np.flatnonzero(moves.spindle_rpm)
+    following = np.searchsorted(turns, np.arange(len(moves))).clip(max=max(len(turns) - 1, 0))
+    return moves.spindle_rpm[turns[following]] < 0 if len(turns) else np.zeros(len(moves), bool)
+
+
+def _hand_of_taps(moves):
+    """(n,) of the thread that is tapped next with the same tool: 1 right, -1 left, 0 none; at a tap its own."""
+    hand, out = np.sign(moves.pitch_mm), np.zeros(len(moves))
+    for k in range(len(moves) - 1, -1, -1):
+        goes_on = k + 1 < len(moves) and moves.tool[k] == moves.tool[k + 1] and moves.kind[k] == Kind.RAPID
+        out[k] = hand[k] if hand[k] else out[k + 1] if goes_on else 0.0
+    return out
+
+
+def _taps(moves, rows):
+    """A DrillCycle of every hole that is tapped: one tied move down, the next up to where it began.
+
+    Raises:
+        InputError: a feed that is tied to the spindle otherwise, with its line.
+    """
+    tied, pieces, out = np.flatnonzero(moves.pitch_mm[rows] != 0).tolist(), _pieces_before(moves, rows), []
+    for k, after in zip(tied[::2], [*tied[1::2], None][:len(tied[::2])]):
+        if after != k + 1 or not _is_tapped(moves, rows[k], rows[after]):
+            line = int(moves.line[rows[k]])
+            raise InputError(f"line {line}: the feed is tied to the spindle, and it is no hole tapped straight down and up: that "
+                             "is not translated; plan the part for the other machine", rows=[line])
+        x, y, bottom = moves.end_mm[rows[k]].tolist()
+        out.append(DrillCycle(kind="tap", xy_mm=(x, y), bottom_z_mm=bottom, retract_z_mm=float(moves.start_mm[rows[k], 2]),
+                              pitch_mm=float(moves.pitch_mm[rows[k]]), feed_mm_per_min=float(moves.feed_mm_per_min[rows[k]]),
+                              stays_low=True, first=int(pieces[k]), end=int(pieces[after + 1])))
+    return tuple(out)
+
+
+def _is_tapped(moves, down, up):
+    """Whether two tied moves are one hole, upright."""
+    way, pitch = moves.end_mm[down] - moves.start_mm[down], moves.pitch_mm
+    is_upright = max(abs(way[0]), abs(way[1])) < SAME_MM and way[2] < 0 and not _leans(moves)[[down, up]].any()
+    return bool(is_upright and np.abs(moves.end_mm[up] - moves.start_mm[down]).max() < SAME_MM
+                and abs(pitch[up] - pitch[down]) < SAME_MM)
 
 
 class _Pauses:
@@ -332,6 +375,7 @@ def _compared(moves, back, control, arcs_as_lines, rotaries=()):
             line = int(moves.line[row])
             raise ReadError(f"line {line}: the move does not come back as it was meant: the new control has not the digits or "
                             "the words for it", rows=[line])
+        _refuse_another_turn(moves, row, back, rows, half_feed)
         off_mm = max(off_mm, float(np.abs(back.end_mm[found[at]] - moves.end_mm[row]).max()))
         if not leans:
             off_feed = max(off_feed, float(np.abs(back.feed_mm_per_min[rows] - moves.feed_mm_per_min[row]).max()))
@@ -347,6 +391,21 @@ def _compared(moves, back, control, arcs_as_lines, rotaries=()):
     if arcs_as_lines:
         notes.append(f"{counted(arcs_as_lines, 'arc')} as chords within {control.path_tolerance_mm:g} mm")
     return notes
+
+
+def _refuse_another_turn(moves, row, back, rows, half_feed):
+    """Nothing, where the spindle turns in the same sense at the same speed, tied to the feed by the same pitch.
+
+    Raises:
+        ReadError: it does not; `.rows` holds the program's line.
+    """
+    turns, line = np.round(moves.spindle_rpm[row]), int(moves.line[row])
+    pitch = half_feed / max(abs(turns), 1.0)
+    is_tied = moves.pitch_mm[row] != 0
+    if (np.abs(back.pitch_mm[rows] - moves.pitch_mm[row]) > pitch + SAME_MM).any():
+        raise ReadError(f"line {line}: the thread does not come back with its pitch and hand", rows=[line])
+    if not is_tied and (back.spindle_rpm[rows] != turns).any():
+        raise ReadError(f"line {line}: the spindle does not come back with its speed and sense", rows=[line])
 
 
 def _where_it_stands(moves, cuts, made):

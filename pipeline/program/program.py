@@ -199,6 +199,7 @@ class Operation:
     level_mm: float | None = None   # where its axis leans and stands: rapids across run so far above the zero, along the axis
     rpm_changes: tuple[tuple[int, float], ...] = ()     # (move, spindle speed from there on); before the first: spindle_rpm
     pauses: tuple[Pause, ...] = ()  # in the order in which they come
+    is_backwards: bool = False      # the spindle turns counter-clockwise seen from the holder (M4)
 
     def rpm_at(self, move):
         """Spindle speed of a move."""

@@ -174,9 +174,13 @@ def _operation(writer, operation, number):
     _pauses(writer, operation, len(moves))
 
 
+def _sense(operation):
+    return "CCLW" if operation.is_backwards else "CLW"
+
+
 def _run(writer, operation):
     """Spindle and coolant on; the feed is said again behind."""
-    writer.say("SPINDL", f"{operation.spindle_rpm:.0f}", "CLW")
+    writer.say("SPINDL", f"{operation.spindle_rpm:.0f}", _sense(operation))
     if operation.coolant not in ("off", "mist", "flood"):
         raise PostError(f"operation {operation.name}: cutter locations know the coolants off, mist and flood alone, not "
                         f"{operation.coolant}: choose one of these")
@@ -233,7 +237,7 @@ def _move(writer, operation, k, start_mm):
     moves = operation.moves
     rpm = operation.rpm_at(k)
     if rpm != writer.rpm:
-        writer.say("SPINDL", f"{rpm:.0f}", "CLW")
+        writer.say("SPINDL", f"{rpm:.0f}", _sense(operation))
         writer.rpm = rpm
     kind, end, axis, feed = moves.kind[k], moves.end_mm[k], moves.axis[k], moves.feed_mm_per_min[k]
     leans = np.abs(np.array([writer.axis, axis]) - UPRIGHT).max() > SAME_AXIS

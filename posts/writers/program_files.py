@@ -256,8 +256,8 @@ class Dialect(ABC):
 
 
 def spindle_word(operation):
-    """M3; of left-hand taps M4."""
-    return "M4" if any(cycle.pitch_mm < 0 for cycle in operation.cycles) else "M3"
+    """M3; of left-hand taps and of what turns backwards M4."""
+    return "M4" if operation.is_backwards or any(cycle.pitch_mm < 0 for cycle in operation.cycles) else "M3"
 
 
 def planes_of(control):

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from random_programs import LENGTHS, TOOLS, random_program
 from small_program import BALL, FLAT, program
+from tapped_holes import tapped
 from typer.testing import CliRunner
 
 from cuspline.app import catalogue, translation
@@ -97,12 +98,64 @@ def test_more_than_one_turn_goes_out_in_pieces():
 
 
 @pytest.mark.parametrize("block, wanted", [
-    ("M4\nX9", "turns backwards"),
     ("M5\nX9", "while the spindle stands"), ("G56\nG0 X9 Y0 Z5\nG55\nG0 X0 Y0 Z5", "G55 and G56"), ("M7\nX9", "mist and flood"),
     ("G86 X9", "unknown word G86"), ("X9 A90", "line 14")])
 def test_what_would_be_lost_is_refused(block, wanted):
     text = HEAD + f"G0 X0 Y0\nG0 Z5\nG1 Z-1 F100\n{block}\nG1 X10\nM2\n"
     with pytest.raises((InputError, ReadError), match=wanted):
+        translation.translated(text, name="a.ngc", source=machine("linuxcnc"), target=machine("haas"))
+
+
+BACKWARDS = HEAD.replace("S8000 M3", "S6000 M4") + (
+    "G0 X0 Y0\nG0 Z5\nG1 Z-1 F100\nG1 X9\nG0 Z5\nG0 X0 Y5\nM5\nS7000 M3\nG1 Z-1\nG1 X9\nG0 Z5\nM2\n")
+
+
+@pytest.mark.parametrize("target", [p for p in POSTS if p != "linuxcnc"])
+def test_a_spindle_that_turns_backwards_does_so_there_too(target):
+    done = translation.translated(BACKWARDS, name="a.ngc", source=machine("linuxcnc"), target=machine(target), tools=BY_NUMBER)
+    back = read(done.texts, target)
+    assert back.spindle_rpm[back.kind == Kind.FEED].tolist() == [-6000, -6000, 7000, 7000]
+
+
+def test_another_sense_of_the_spindle_is_found(monkeypatch):
+    monkeypatch.setattr("cuspline.posts.writers.program_files.spindle_word", lambda operation: "M3")
+    with pytest.raises(ReadError, match="line 13: the spindle does not come back with its speed and sense"):
+        translation.translated(BACKWARDS, name="a.ngc", source=machine("linuxcnc"), target=machine("haas"))
+
+
+# threads -----------------------------------------------------------------------------------------
+
+
+def slow(mill):
+    """With a spindle that turns as slowly as a tap."""
+    return mill.model_copy(update={"spindle": mill.spindle.model_copy(update={"min_rpm": 100.0})})
+
+
+TAPPING = "linuxcnc", "fanuc", "haas", "siemens", "heidenhain"
+
+
+@pytest.mark.parametrize("source, target", list(permutations(TAPPING, 2)))
+@pytest.mark.parametrize("sign", [1, -1])
+def test_tapped_holes_come_back_with_pitch_and_hand(source, target, sign):
+    text, _, operation = tapped(f"mill_{source}" if source != "linuxcnc" else "mill_3axis", sign)
+    tools = {3: operation.tool}
+    done = translation.translated(text, name="a.txt", source=slow(machine(source)), target=slow(machine(target)), tools=tools)
+    back = catalogue.reader_of(machine(target))(done.texts[0], work_offsets={}, tool_lengths={3: operation.tool.length_mm})
+    cuts = back.kind == Kind.FEED
+    assert back.pitch_mm[cuts] == pytest.approx(6 * [float(sign)])
+    assert back.end_mm[cuts][::2] == pytest.approx(np.array([[10, 10, -9], [30, 10, -9], [30, 25, -11.5]]))
+
+
+@pytest.mark.parametrize("target", ["grbl", "pmac", "apt"])
+def test_where_nothing_taps_threads_are_refused(target):
+    text, _, operation = tapped("mill_fanuc")
+    with pytest.raises(PostError, match="no rigid tapping|taps"):
+        translation.translated(text, name="a.nc", source=machine("fanuc"), target=slow(machine(target)), tools={3: operation.tool})
+
+
+def test_a_tied_feed_that_is_no_tapped_hole_is_refused():
+    text = HEAD + "G0 X0 Y0\nG0 Z5\nG33 X1 Z-1 K1\nM2\n"
+    with pytest.raises((InputError, ReadError), match="line 13"):
         translation.translated(text, name="a.ngc", source=machine("linuxcnc"), target=machine("haas"))
 
 

@@ -1,49 +1,12 @@
 """Rigid taps as posted: what each control has for them, and what its reader makes of it."""
 
-import importlib
-from pathlib import Path
-
 import numpy as np
 import pytest
+from tapped_holes import LEVEL, tapped
 
-import cuspline.posts
-from cuspline.program.drilling import DrillCycle, drilled
-from cuspline.program.program import Kind, Operation, Program
-from cuspline.shop.cutters import Cutter, Holder, HolderSegment, Tool
-from cuspline.shop.machines import machine_from_toml
+from cuspline.program.drilling import DrillCycle
+from cuspline.program.program import Kind
 from cuspline.values.errors import PostError, ReadError, ToolpathError
-
-MACHINES = Path(cuspline.posts.__file__).parent / "machines"
-LEVEL, RPM = 20.0, 500
-TAPS = {1: "right", -1: "left"}
-
-
-def tap(sign=1, pitch=1.0):
-    """T3, a tap M6."""
-    cutter = Cutter(name="tap M6", type="tap", diameter_mm=6, corner_radius_mm=0, flutes=3, flute_length_mm=17,
-                    neck_diameter_mm=4.5, reach_mm=30, shank_diameter_mm=6, overall_length_mm=80, pitch_mm=pitch,
-                    hand=TAPS[sign], chamfer_threads=3)
-    holder = Holder(name="collet", segments=(HolderSegment(height_mm=50, lower_diameter_mm=40, upper_diameter_mm=40),))
-    return Tool(number=3, cutter=cutter, holder=holder, stick_out_mm=45)
-
-
-def posted(machine, sign=1, pitch=1.0, **control):
-    """(text, PostedMoves, Operation) of three holes, the last deeper."""
-    machine = machine_from_toml(MACHINES / f"{machine}.toml")
-    machine = machine.model_copy(update={"spindle": machine.spindle.model_copy(update={"min_rpm": 100.0}),
-                                         "control": machine.control.model_copy(update=control)})
-    writer = importlib.import_module(f"cuspline.posts.writers.{machine.control.post}")
-    holes = [DrillCycle(kind="tap", xy_mm=(x, y), bottom_z_mm=z, retract_z_mm=3.0, pitch_mm=sign * pitch, first=0, end=0,
-                        feed_mm_per_min=RPM * pitch) for x, y, z in ((10, 10, -9), (30, 10, -9), (30, 25, -11.5))]
-    moves, cycles = drilled(holes, LEVEL, RPM * pitch)
-    operation = Operation(name="tap", tool=tap(sign, pitch), spindle_rpm=RPM, coolant="flood", moves=moves, cycles=cycles)
-    program = Program(name="plate", setup="setup-1", wcs="G54", wcs_in_words="corner", operations=(operation,),
-                      clearance_z_mm=LEVEL, header=("PLATE",))
-    text = writer.post(program, machine).text
-    reader = importlib.import_module(f"cuspline.posts.readers.{writer.READER}")
-    return text, lambda t=text: reader.read_program(t, work_offsets={"G54": machine.wcs_origin_mm}, tool_lengths={
-        3: operation.tool.length_mm}), operation
-
 
 WORDS = {("mill_3axis", 1): ["S500 M3", "G33.1 Z-9 K1"], ("mill_3axis", -1): ["S500 M4", "G33.1 Z-9 K1"],
          ("mill_fanuc", 1): ["M29 S500", "G98 G84 X10. Y10. Z-9. R3. F500.0", "X30. Y10.", "X30. Y25. Z-11.5", "G80"],
@@ -57,7 +20,7 @@ WORDS = {("mill_3axis", 1): ["S500 M3", "G33.1 Z-9 K1"], ("mill_3axis", -1): ["S
 
 @pytest.mark.parametrize("machine, sign", WORDS)
 def test_a_tap_goes_down_and_back_by_its_pitch(machine, sign):
-    text, read, operation = posted(machine, sign)
+    text, read, operation = tapped(machine, sign)
     lines = [line.lstrip("0123456789 ") if machine == "mill_heidenhain" and not line.startswith(" ") else line
              for line in text.split("\n")]
     k = lines.index(WORDS[machine, sign][0])
@@ -74,14 +37,14 @@ def test_a_tap_goes_down_and_back_by_its_pitch(machine, sign):
 
 @pytest.mark.parametrize("machine", ["mill_3axis_inch", "mill_fanuc"])
 def test_a_pitch_is_what_it_was_within_the_last_digit(machine):
-    _, read, _ = posted(machine, pitch=0.75, **({"units": "inch"} if machine == "mill_fanuc" else {}))
+    _, read, _ = tapped(machine, pitch=0.75, **({"units": "inch"} if machine == "mill_fanuc" else {}))
     assert np.abs(read().pitch_mm[read().pitch_mm != 0] - 0.75).max() < (1e-5 if machine == "mill_3axis_inch" else 2e-3)
 
 
 @pytest.mark.parametrize("machine", ["mill_grbl", "mill_pmac"])
 def test_a_control_that_does_not_tap_says_so(machine):
     with pytest.raises(PostError, match="no rigid tapping: mill the thread"):
-        posted(machine)
+        tapped(machine)
 
 
 HALF_SAID = [("mill_3axis", "S500 M3", "S500 M5", "spindle stands"), ("mill_3axis", " K1", "", "without Z or K"),
@@ -97,14 +60,14 @@ HALF_SAID = [("mill_3axis", "S500 M3", "S500 M5", "spindle stands"), ("mill_3axi
 
 @pytest.mark.parametrize("machine, old, new, why", HALF_SAID)
 def test_a_tap_that_is_half_said_is_refused(machine, old, new, why):
-    text, read, _ = posted(machine)
+    text, read, _ = tapped(machine)
     assert old in text
     with pytest.raises(ReadError, match=why):
         read(text.replace(old, new, 1))
 
 
 def test_a_spindle_that_tapping_has_stopped_stands():
-    text, read, _ = posted("mill_fanuc")
+    text, read, _ = tapped("mill_fanuc")
     moves = read("G80\nG1 Z19. F100.\n".join(text.rsplit("G80\n", 1)))
     assert moves.spindle_rpm[np.flatnonzero(moves.pitch_mm)[-1] + 2:].max() == 0
 
