@@ -101,8 +101,13 @@ BUILDS = {
     "vane": ("rfq_vane", "-p", "preset=hydrogen_750", "-p", "to_mm=6", "-p", "scallop_mm=0.03", "--stage", "gcode"),
     "propeller": ("dtmb_4119", "-p", "blades_cut=none", "--stage", "step"),
 }
-RECORDED_TOO = {"z_profile": ("z_profile", "-p", "width_mm=10", "-p", "scallop_mm=0.3", "-p", "profile_tolerance_mm=0.02",
-                              "-p", "gouge_mm=0.05", "--stage", "gcode")}
+RECORDED_TOO = {
+    "z_profile": ("z_profile", "-p", "width_mm=10", "-p", "scallop_mm=0.3", "-p", "profile_tolerance_mm=0.02", "-p",
+                  "gouge_mm=0.05", "--stage", "gcode"),
+    "arcs": (*BUILDS["vane"][:-2], "-p", "strategy=transverse_arcs", "--stage", "gcode"),
+    "hard steel": ("h13_test", "-p", "stepover_mm=0.8", "--stage", "gcode"),
+    "threads": (str(DISH.with_name("threaded_plate.py")), "--stage", "gcode"),
+}
 RECORD = Path(__file__).parent / "gold" / "programs.json"
 ONE_THREAD = {"NUMBA_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 OLDEST = {"OPENBLAS_CORETYPE": "Prescott", "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX512_SPR", **ONE_THREAD}
@@ -152,14 +157,15 @@ def here(folder_here):
     return hashes(folder_here, BUILDS)
 
 
-def test_programs_are_byte_for_byte_those_that_were_recorded(folder_here):
+def test_programs_and_solids_are_byte_for_byte_those_that_were_recorded(folder_here):
     """But for the line that names the inputs: a parameter that a strategy has got since stands there with its default.
 
     Whoever changes programs on purpose looks at them, and accepts them: see the top of this file.
     """
     lines = {path.relative_to(folder_here): path.read_bytes().splitlines(keepends=True)
-             for path in sorted(folder_here.glob("*/*.ngc"))}
-    assert {name.parts[0] for name in lines} == {*BUILDS, *RECORDED_TOO} - {"propeller"}
+             for path in sorted([*folder_here.glob("*/*.ngc"), *folder_here.glob("*/*.step")])}
+    assert {name.parts[0] for name in lines if name.suffix == ".ngc"} == {*BUILDS, *RECORDED_TOO} - {"propeller"}
+    assert {name.parts[0] for name in lines if name.suffix == ".step"} == {*BUILDS, *RECORDED_TOO}
     found = {str(name): hashlib.sha256(b"".join(x for x in text if not x.startswith(b"(INPUTS SHA-256 "))).hexdigest()
              for name, text in lines.items()}
     if os.environ.get("CUSPLINE_ACCEPT_GOLD"):

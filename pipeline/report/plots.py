@@ -2,6 +2,7 @@
 
 import functools
 import io
+from dataclasses import dataclass
 
 import matplotlib
 import numpy as np
@@ -18,7 +19,24 @@ STYLE = {"svg.hashsalt": "cuspline", "svg.fonttype": "none", "font.size": 9, "ax
          "axes.axisbelow": True, "legend.frameon": False, "legend.fontsize": 8,
          # room for labels: to lay them out anew for every plot would draw each one three times
          "figure.subplot.left": 0.13, "figure.subplot.right": 0.965, "figure.subplot.bottom": 0.175, "figure.subplot.top": 0.9}
+FT_M, CUBIC_INCH_CM3 = 0.3048, 16.387064
 FEED_COLUMNS = 400          # instants drawn of the feed plot: about its pixels
+
+
+@dataclass(frozen=True)
+class Units:
+    """What a plot's lengths are in; a thousandth of one is the fine unit.  Lengths are handed over in these."""
+
+    length: str = "mm"
+    fine: str = "µm"
+    way: str = "m"              # and cutting speed, of which m/min are as many
+    volume: str = "cm³"
+    of_mm: float = 1.0          # factors
+    of_m: float = 1.0
+    of_cm3: float = 1.0
+
+
+UNITS = {"mm": Units(), "inch": Units("inch", "0.001 inch", "ft", "inch³", 1 / 25.4, 1 / FT_M, 1 / CUBIC_INCH_CM3)}
 
 
 def in_our_style(plot):
@@ -33,20 +51,25 @@ def in_our_style(plot):
 
 
 def all_plots(bundle):
-    """[(name, caption, SVG text)] of every plot the bundle has numbers for."""
+    """[(name, caption, SVG text)] of every plot the bundle has numbers for, in the units of its machine."""
+    units = UNITS[bundle.setups[0].units] if bundle.setups else UNITS["mm"]
+    of = lambda values: np.asarray(values, dtype=float) * units.of_mm
+    scallop, gouge = bundle.finish.scallop_mm * units.of_mm, bundle.finish.gouge_mm * units.of_mm
+    radii, hollow = cutter_radii_mm(bundle)
+    radii, hollow = [(name, r * units.of_mm, is_chosen) for name, r, is_chosen in radii], hollow and hollow * units.of_mm
     plots = [("deviation", "How far the simulated stock is from the design",
-              deviation_histogram(bundle.deviation_samples_mm, bundle.finish.scallop_mm, bundle.finish.gouge_mm)),
+              deviation_histogram(of(bundle.deviation_samples_mm), scallop, gouge, units)),
              ("curvature", "Which cutter radii fit the concave places of the part",
-              curvature_plot(bundle.curvature_per_mm, *cutter_radii_mm(bundle))),
-             ("cusp-map", "Height of the cusps, from above", cusp_map(bundle.cusp_place_mm, bundle.cusp_height_mm,
-                                                                      bundle.finish.scallop_mm, bundle.part_box_mm)),
+              curvature_plot(np.asarray(bundle.curvature_per_mm, dtype=float) / units.of_mm, radii, hollow, units)),
+             ("cusp-map", "Height of the cusps, from above",
+              cusp_map(of(bundle.cusp_place_mm), of(bundle.cusp_height_mm), scallop, of(bundle.part_box_mm), units)),
              ("cusp", "Height of the cusps against the height requested and the formula's",
-              cusp_histogram(bundle.cusp_height_mm, bundle.cusp_formula_mm, bundle.finish.scallop_mm))]
+              cusp_histogram(of(bundle.cusp_height_mm), of(bundle.cusp_formula_mm), scallop, units))]
     plots += [(f"cut-map-{s.name}", f"What transverse arcs leave of the tip, cusps apart: {s.name}, {op.get('name')}",
-               cut_map_plot(op["cut_map"])) for s, _, op in operations(bundle) if op.get("cut_map")]
-    plots += [(f"feed-{s.name}", f"Feed over time, {s.name}", feed_plot(s.path, _names(bundle, s)))
+               cut_map_plot(op["cut_map"], units)) for s, _, op in operations(bundle) if op.get("cut_map")]
+    plots += [(f"feed-{s.name}", f"Feed over time, {s.name}", feed_plot(s.path, _names(bundle, s), units))
               for s in bundle.setups if len(s.path.time_s)]
-    plots += [(f"process-{name}", f"What the edges meet along the cutting way, {name}", process_plot(along))
+    plots += [(f"process-{name}", f"What the edges meet along the cutting way, {name}", process_plot(along, units))
               for name, along in along_setups(bundle.verify)]
     return plots
 
@@ -56,7 +79,7 @@ def _names(bundle, setup):
 
 
 @in_our_style
-def deviation_histogram(deviation_mm, scallop_mm, gouge_mm):
+def deviation_histogram(deviation_mm, scallop_mm, gouge_mm, units=UNITS["mm"]):
     """Histogram of all judged residuals with the accepted band; both ends collect what lies beyond.
 
     Args:
@@ -81,13 +104,14 @@ def deviation_histogram(deviation_mm, scallop_mm, gouge_mm):
         axes.text(limit, 1.01, f"{name} {limit:+.4g}".replace("-", "−"), color=GOOD, fontsize=8, ha="center",
                   transform=axes.get_xaxis_transform())
     beyond = int((microns < -1000 * gouge_mm).sum()), int((microns > 1000 * scallop_mm).sum())
-    axes.set_xlabel(f"deviation [µm], below 0 gouged   (n = {len(microns)}; below the band {beyond[0]}, above {beyond[1]})")
+    axes.set_xlabel(f"deviation [{units.fine}], below 0 gouged   (n = {len(microns)}; below the band {beyond[0]}, above "
+                    f"{beyond[1]})")
     axes.set_ylabel("points")
     return _svg(figure)
 
 
 @in_our_style
-def cusp_map(place_mm, height_mm, wanted_mm, box_mm):
+def cusp_map(place_mm, height_mm, wanted_mm, box_mm, units=UNITS["mm"]):
     """Measured cusps from above, coloured by height: the wanted one is the middle of the scale.
 
     Args:
@@ -103,15 +127,15 @@ def cusp_map(place_mm, height_mm, wanted_mm, box_mm):
     order = np.argsort(height_mm, kind="stable")
     dots = axes.scatter(*np.asarray(place_mm)[order, :2].T, c=np.asarray(height_mm)[order] * 1000, s=3, lw=0,
                         cmap="viridis", vmin=0, vmax=1200 * wanted_mm, rasterized=True)
-    axes.set(xlim=(x0, x1), ylim=(y0, y1), xlabel="X [mm]", ylabel="Y [mm]", aspect="equal")
+    axes.set(xlim=(x0, x1), ylim=(y0, y1), xlabel=f"X [{units.length}]", ylabel=f"Y [{units.length}]", aspect="equal")
     axes.grid(False)
-    bar = figure.colorbar(dots, ax=axes, label="cusp [µm]")
+    bar = figure.colorbar(dots, ax=axes, label=f"cusp [{units.fine}]")
     bar.ax.axhline(1000 * wanted_mm, color=BAD, lw=1.5)
     return _svg(figure)
 
 
 @in_our_style
-def cusp_histogram(height_mm, formula_mm, wanted_mm):
+def cusp_histogram(height_mm, formula_mm, wanted_mm, units=UNITS["mm"]):
     """Histogram of measured cusps, the formula's as a line over it, the wanted height marked.
 
     Args:
@@ -132,13 +156,13 @@ def cusp_histogram(height_mm, formula_mm, wanted_mm):
               transform=axes.get_xaxis_transform())
     _logarithmic(axes.yaxis)
     axes.legend(loc="upper left")
-    axes.set_xlabel(f"cusp [µm]   (n = {len(height_mm)})")
+    axes.set_xlabel(f"cusp [{units.fine}]   (n = {len(height_mm)})")
     axes.set_ylabel("ridges")
     return _svg(figure)
 
 
 @in_our_style
-def cut_map_plot(found):
+def cut_map_plot(found, units=UNITS["mm"]):
     """Deviation of the envelope of transverse arcs from a vane tip, along the vane and round its arc, extremes named.
 
     Args:
@@ -146,27 +170,28 @@ def cut_map_plot(found):
     Returns:
         SVG text; the map is a picture in it.
     """
-    x, rows = np.array(found["x_mm"], float), np.array(found["deviation_mm"], float) * 1000
+    x, fine = np.array(found["x_mm"], float) * units.of_mm, 1000 * units.of_mm
+    rows = np.array(found["deviation_mm"], float) * fine
     turns = np.linspace(0, found["half_arc_deg"], rows.shape[1] - 1)
     both = np.column_stack([rows[:, -1:], rows[:, -2:0:-1], rows[:, :-1], rows[:, -1:]])
     step = turns[1]
     around = np.concatenate([[-turns[-1] - step], -turns[:0:-1], turns, [turns[-1] + step]])
     general = found.get("general") or found["matching"]
-    limit = 1000 * max(abs(general["lowest_mm"]), abs(general["highest_mm"]), 1e-6)
+    limit = fine * max(abs(general["lowest_mm"]), abs(general["highest_mm"]), 1e-6)
     figure, axes = _figure()
     mesh = axes.pcolormesh(x, around, np.ma.masked_invalid(both.T), cmap="RdBu_r", vmin=-limit, vmax=limit,
                            shading="nearest", rasterized=True)
     axes.grid(False)
-    axes.set(xlabel="X [mm]", ylabel="round the tip [deg], flanks outermost")
-    figure.colorbar(mesh, ax=axes, label="left [µm]", extend="both")
-    said = [f"{name} {1000 * found[name]['lowest_mm']:+.1f} … {1000 * found[name]['highest_mm']:+.1f} µm"
+    axes.set(xlabel=f"X [{units.length}]", ylabel="round the tip [deg], flanks outermost")
+    figure.colorbar(mesh, ax=axes, label=f"left [{units.fine}]", extend="both")
+    said = [f"{name} {fine * found[name]['lowest_mm']:+.1f} … {fine * found[name]['highest_mm']:+.1f} {units.fine}"
             for name in ("general", "matching") if name in found]
     axes.set_title("; ".join(said))
     return _svg(figure)
 
 
 @in_our_style
-def curvature_plot(curvature_per_mm, radii_mm, hollow_mm):
+def curvature_plot(curvature_per_mm, radii_mm, hollow_mm, units=UNITS["mm"]):
     """Radii of the part's hollows against the cutters' radii: a cutter fits what lies right of its line.
 
     Args:
@@ -195,7 +220,7 @@ def curvature_plot(curvature_per_mm, radii_mm, hollow_mm):
         axes.text(hollow_mm, 1.01, f"tightest R {short(hollow_mm)}", color=BAD, fontsize=8, ha="center",
                   transform=axes.get_xaxis_transform())
     flat = 1 - len(radius) / len(curvature) if len(curvature) else 0.0
-    axes.set_xlabel(f"concave radius [mm]   ({100 * flat:.0f} % of the points are flat or convex)")
+    axes.set_xlabel(f"concave radius [{units.length}]   ({100 * flat:.0f} % of the points are flat or convex)")
     axes.set_ylabel("points")
     return _svg(figure)
 
@@ -215,7 +240,7 @@ def cutter_radii_mm(bundle):
 
 
 @in_our_style
-def feed_plot(path, names):
+def feed_plot(path, names, units=UNITS["mm"]):
     """Feed of every operation over the program's time; a band where it changes faster than is drawn.
 
     Args:
@@ -224,7 +249,7 @@ def feed_plot(path, names):
     Returns:
         SVG text.
     """
-    minutes, feed = np.asarray(path.time_s, dtype=float) / 60, np.asarray(path.feed_mm_per_min, dtype=float)
+    minutes, feed = np.asarray(path.time_s, dtype=float) / 60, np.asarray(path.feed_mm_per_min, dtype=float) * units.of_mm
     cutting, operation = ~np.asarray(path.is_rapid, dtype=bool), np.asarray(path.operation)
     if not cutting.any() or minutes[-1] <= 0:
         return _nothing("no cutting move")
@@ -239,12 +264,12 @@ def feed_plot(path, names):
     axes.set_ylim(0, feed[cutting].max() * 1.18)
     axes.legend(loc="upper right", ncols=4)
     axes.set_xlabel("time [min]")
-    axes.set_ylabel("feed [mm/min]")
+    axes.set_ylabel(f"feed [{units.length}/min]")
     return _svg(figure)
 
 
 @in_our_style
-def process_plot(along):
+def process_plot(along, units=UNITS["mm"]):
     """Depth, cutting speed, removal rate and, where it is known, force over the cutting way; colours are the operations'.
 
     Args:
@@ -252,21 +277,22 @@ def process_plot(along):
     Returns:
         SVG text.
     """
-    rows = [(name, label) for name, label in (("depth_mm", "depth [mm]"), ("speed_m_per_min", "speed [m/min]"),
-                                              ("removal_cm3_per_h", "removal [cm³/h]"), ("radial_n", "force [N]")) if name in along]
-    way, operation = np.array(along["way_m"], float), np.array(along["operation"], int)
+    known = (("depth_mm", f"depth [{units.length}]", units.of_mm), ("speed_m_per_min", f"speed [{units.way}/min]", units.of_m),
+             ("removal_cm3_per_h", f"removal [{units.volume}/h]", units.of_cm3), ("radial_n", "force [N]", 1.0))
+    rows = [row for row in known if row[0] in along]
+    way, operation = np.array(along["way_m"], float) * units.of_m, np.array(along["operation"], int)
     figure, begin = Figure(figsize=(7.2, 1.15 * len(rows) + 0.6)), np.r_[0.0, way[:-1]]
-    for k, (name, label) in enumerate(rows, 1):
+    for k, (name, label, factor) in enumerate(rows, 1):
         axes = figure.add_subplot(len(rows), 1, k)
         for number_ in np.unique(operation).tolist():
             mine = operation == number_
-            axes.add_collection(PolyCollection(_columns(begin[mine], way[mine], np.array(along[name], float)[mine]), lw=0,
+            axes.add_collection(PolyCollection(_columns(begin[mine], way[mine], factor * np.array(along[name], float)[mine]), lw=0,
                                                facecolor=OPERATION_COLOURS[number_ % len(OPERATION_COLOURS)]))
         axes.set(xlim=(0, way[-1]), ylabel=label)
         axes.yaxis.label.set_fontsize(7)
         axes.set_ylim(bottom=0)
         axes.tick_params(labelbottom=k == len(rows), labelsize=7)
-    axes.set_xlabel("cutting way [m]")
+    axes.set_xlabel(f"cutting way [{units.way}]")
     return _svg(figure)
 
 

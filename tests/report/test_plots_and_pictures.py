@@ -1,5 +1,6 @@
 """Plots and pictures: same input, same bytes; a missing renderer is a sentence, not a crash."""
 
+import dataclasses
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 from cuspline.report import page, pictures, plots
+from cuspline.report.wording import short
 
 
 def test_plots_are_the_same_twice_and_carry_no_date(sample_bundle):
@@ -18,6 +20,19 @@ def test_plots_are_the_same_twice_and_carry_no_date(sample_bundle):
     for _, _, svg in first:
         ElementTree.fromstring(svg)
         assert "dc:date" not in svg
+
+
+def test_plots_of_an_inch_machine_are_in_inches(sample_bundle):
+    setups = tuple(dataclasses.replace(s, units="inch") for s in sample_bundle.setups)
+    inches = {name: svg for name, _, svg in plots.all_plots(dataclasses.replace(sample_bundle, setups=setups))}
+    assert not any(word in svg for svg in inches.values() for word in ("[mm", "µm"))
+    limit = 1000 * sample_bundle.finish.scallop_mm / 25.4                   # thousandths of an inch
+    assert f"cusp {limit:+.4g}" in inches["deviation"] and "deviation [0.001 inch]" in inches["deviation"]
+    assert f"requested {limit:.4g}" in inches["cusp"] and f"tightest R {short(8.0 / 25.4)}" in inches["curvature"]
+    assert "feed [inch/min]" in inches["feed-setup-1"] and "X [inch]" in inches["cusp-map"]
+    along = {"way_m": [0.3048], "operation": [0], "depth_mm": [1.0], "speed_m_per_min": [30.0], "removal_cm3_per_h": [1.0]}
+    svg = plots.process_plot(along, plots.UNITS["inch"])
+    assert all(label in svg for label in ("depth [inch]", "speed [ft/min]", "removal [inch³/h]", "cutting way [ft]"))
 
 
 def test_a_user_s_matplotlibrc_changes_nothing(sample_bundle):
