@@ -29,7 +29,7 @@ from cuspline.toolpaths.freeform.scallop_metric import Across
 from cuspline.toolpaths.freeform.scallop_region import ground_of
 from cuspline.toolpaths.freeform.spiral_passes import spiral_curve
 from cuspline.toolpaths.freeform.tip_field import tip_field
-from cuspline.toolpaths.freeform.tip_links import TipLinkRules
+from cuspline.toolpaths.freeform.tip_links import RAMP_SHARE, TipLinkRules
 from cuspline.toolpaths.freeform.tip_paths import PathRules, tip_paths
 from cuspline.toolpaths.freeform.wall_passes import wall_paths
 from cuspline.toolpaths.freeform.waterline import DropHeights, waterlines
@@ -55,6 +55,7 @@ TOUCH_UP_STEPS = 0.6        # how far the touch-up reaches beyond
 LINK_STEPS = 3.0            # links along the surface are no longer than that
 RAMP_ABOVE, HIGHEST_RAMP_MM = 5.0, 0.045        # path tolerances above its path, where a leaning cutter's ramp ends: it comes back
                             # against its pass, and would lead the other way where it touches
+STEEPEST_BEHIND_RAD = math.radians(40.0)
 ENTRY_RADII = 2.0           # round an entry, within which a leaning cutter may stand over stock
 HOP_RADII = 6.0             # links over what lies between
 FLAT_STEP_SHARE = 0.1       # of its radius: how closely a flat cutter's waterlines are looked for
@@ -501,7 +502,16 @@ def link_rules(work, tool, field, tolerance_mm, step_mm, feed, left_mm):
         hop_mm=HOP_RADII * radius, lead_radius_mm=0.0 if field.across else work.lead_radius_mm(radius),
         is_one_way=work.operation.passes == "one-way",
         steepest_rad=tool.cutter.steepest_rad, bearing=getattr(work.operation, "bearing", None),
+        behind_rad=_behind_rad(work, tool.cutter),
         ramp_above_mm=0.0 if field.across is None else min(RAMP_ABOVE * path_tolerance_mm(work.finish), HIGHEST_RAMP_MM),
         standing=None if field.across is None else lambda xy: work.standing_round_mm(xy, ENTRY_RADII * radius),
         rapids=None if work.operation.steepest_deg == 90.0 else work.dropper(
             field.dropper.radius_mm, field.dropper.corner_radius_mm, left_mm + RAPID_APPROACHES * work.practice.approach_mm))
+
+
+def _behind_rad(work, cutter):
+    """Slope at which a cutter that leads one way comes down onto its passes from behind; None: it does not."""
+    corner = work.corner_of(cutter)
+    if corner is None or work.tool_axis.toward is not None or corner.lead_rad <= 0.0:
+        return None
+    return min(RAMP_SHARE * cutter.steepest_rad + corner.lead_rad, STEEPEST_BEHIND_RAD)

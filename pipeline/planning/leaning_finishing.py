@@ -87,7 +87,12 @@ def leaned(work, runs, link, tool):
         return _clearing(work, runs, link, tool, rules)
     if work.tool_axis.smooth_deg is not None and rules.corner is None:
         return _smoothed(work, runs, link, tool, rules)
-    moves, facts, _ = _turned(work, runs, link, tool, rules)
+    try:
+        moves, facts, _ = _turned(work, runs, link, tool, rules)
+    except ToolInTheWay:
+        if link.behind_rad is None:
+            raise
+        moves, facts, _ = _turned(work, runs, replace(link, behind_rad=None), tool, rules)     # on ramps along its passes
     return Leaned(moves=moves, facts=facts)
 
 

@@ -37,6 +37,7 @@ from cuspline.values.errors import ToolpathError
 
 MOST_TURN_RAD = math.radians(2.0)       # of the axis, from row to row in the cut
 FEED_REACH = 0.25           # of the radius: the feed at a place is the way from so far before to so far behind
+SAME_MM = 1e-6              # of plan: a way straight up
 SHORTEST_MM = 0.01          # rows nearer to each other are put in only where the axis jumps: it turns there on the spot
 ROUNDED = 1e-9              # of a count of steps
 SAME_RAD = 1e-9             # of what counts as brought back to the limit
@@ -204,7 +205,7 @@ def leaning(moves, rules):
         raise ToolpathError("no move touches the part: the axis has nothing to turn by")
     found, turns = _with_axes(middles, cuts, rules)
     rows = _held_off_the_part(found, along_axis=rules.corner is not None or (
-        rules.swing is not None and rules.swing.draws_out))
+        rules.swing is not None and rules.swing.draws_out), is_stepwise=rules.corner is not None)
     return _assembled(moves, _turned_evenly(rows, moves.kind == Kind.FEED, rules), cuts, turns, rules)
 
 
@@ -373,10 +374,11 @@ def on_great_circle(a, b, share):
     return np.where((whole > 1e-9)[:, None], found, a)
 
 
-def _held_off_the_part(rows, along_axis):
+def _held_off_the_part(rows, along_axis, is_stepwise=False):
     """_Rows with all their axes: off the part as at the pass before, from the highest move on as at the next.
 
-    along_axis: the ways up and down follow the axis.
+    along_axis: the ways up and down follow the axis; is_stepwise: those straight up and down alone, what leads sideways into the
+    part stays as steep as it is.
     """
     like = np.arange(len(rows.axis))
     at = np.flatnonzero(np.isfinite(rows.axis[:, 0]))
@@ -390,13 +392,30 @@ def _held_off_the_part(rows, along_axis):
         turning = gap[np.lexsort((-across, -low))[0]]
         like[before + 1:turning], like[turning:after] = before, after
     axes = rows.axis[like]
-    middle = _drawn_out(rows.middle, axes, like) if along_axis else rows.middle
+    middle = rows.middle
+    if along_axis:
+        middle = _drawn_out(middle, axes, like, _climbed(middle, at) if is_stepwise else None)
     return replace(rows, axis=axes, middle=middle, off=rows.off[like])
 
 
-def _drawn_out(middle, axes, like):
+def _climbed(middle, at):
+    """(n,) how far rows off the part stand above what leads sideways from them to the part: straight ways up alone count.
+
+    at: rows on the part.
+    """
+    step = np.diff(middle, axis=0)
+    straight = np.where((step[:, :2] ** 2).sum(axis=1) < SAME_MM ** 2, step[:, 2], 0.0)
+    height = np.concatenate([[0.0], np.cumsum(straight)])
+    before = at[np.maximum(np.searchsorted(at, np.arange(len(height)), side="right") - 1, 0)]
+    after = at[np.minimum(np.searchsorted(at, np.arange(len(height))), len(at) - 1)]
+    return height - height[before], height - height[after]
+
+
+def _drawn_out(middle, axes, like, climbed=None):
     """(n, 3) middles moved across as their axes lean, by how much higher they stand than the rows `like` (n,) on the part."""
     rise = np.maximum(middle[:, 2] - middle[like, 2], 0.0)
+    if climbed is not None:
+        rise = np.maximum(np.where(like <= np.arange(len(like)), *climbed), 0.0)
     slope = np.where(axes[:, 2:] > FLATTEST, axes / np.maximum(axes[:, 2:], FLATTEST), 0.0) * (1.0, 1.0, 0.0)
     return middle + rise[:, None] * slope
 

@@ -27,6 +27,7 @@ LEAD_MOVES = 6
 LONGEST_DETOUR = 2.0        # a way along the surface may be this much longer than straight in plan
 OUTSIDE_RADII = 1.0         # ways this short may leave the region: round a hole, along a ragged border
 MARGIN_MM = 0.1             # above what earlier operations left
+LEVEL_MM = 1e-9
 MOST_FOLDS = 40             # of a ramp to and fro
 RAMP_SHARE = 0.9            # of the steepest way into stock that the cutter stands
 
@@ -49,7 +50,8 @@ class TipLinkRules:
     steepest_rad: float = math.pi / 2       # that the cutter goes down through stock: not all cut at their centre
     standing: Callable | None = None        # function of places (n, 2) to (n,): the most that stands over the part about there;
                                             # None: as the allowance of `stock` says
-    ramp_above_mm: float = 0.0      # ramps end so high above their path, the rest goes straight down
+    behind_rad: float | None = None     # slope against its pass at which a cutter that leads comes in from behind; None: it ramps
+    ramp_above_mm: float = 0.0      # ramps, and ways in from behind, end so high above their path, the rest goes straight down
     bearing: str | None = None      # see ordered_paths
     rapids: Dropper | None = None   # the same as `stock` with a rapid's clearance all round: down to there rapids go straight
                                     # up and down; None: to the approach height
@@ -209,9 +211,34 @@ def _leads(order, rules):
             standing = np.minimum(standing, rules.standing(starts[:, :2]))
         slope = float(fixed.tan(RAMP_SHARE * rules.steepest_rad))
         off = np.array([0.0, 0.0, rules.ramp_above_mm])
-        entries = [ramp(p.tips_mm + off, high + MARGIN_MM, slope, lead) if high > MARGIN_MM else lead
-                   for p, high, lead in zip(order, standing, entries)]
+        ramps = [ramp(p.tips_mm + off, high + MARGIN_MM, slope, lead) if high > MARGIN_MM else lead
+                 for p, high, lead in zip(order, standing, entries)]
+        entries = ramps if rules.behind_rad is None else _from_behind(order, standing, ramps, rules)
     return entries, [out[k] if clear[n + k] else None for k in range(n)]
+
+
+def _from_behind(order, standing, ramps, rules):
+    """Entries that come straight down onto the first tip from behind it; the ramp where that would cut.
+
+    Where a cutter leads, its bottom rises behind the contact: so it may come down by so much more than its ramp.
+    """
+    ways = []
+    for path, high in zip(order, standing):
+        ahead, up = _tangent(path.tips_mm[0], path.tips_mm[1])
+        length = (max(high, 0.0) + MARGIN_MM) / float(fixed.sin(rules.behind_rad))
+        share = np.linspace(1.0, 0.0, LEAD_MOVES + 1)[:, None]
+        back = float(fixed.sin(rules.behind_rad)) * up - float(fixed.cos(rules.behind_rad)) * ahead
+        ways.append(path.tips_mm[0] + length * share * back + (0.0, 0.0, rules.ramp_above_mm))
+    clear = _are_clear(ways, rules)
+    return [way if high > MARGIN_MM and ok else other for way, high, ok, other in zip(ways, standing, clear, ramps)]
+
+
+def _tangent(first, second):
+    """Unit direction from one tip to the next, and the one square to it that points up most."""
+    way = second - first
+    level, whole = (max(float(fixed.length(v)), LEVEL_MM) for v in (way[:2], way))
+    ahead = way / whole
+    return ahead, np.array([-ahead[2] * way[0] / level, -ahead[2] * way[1] / level, level / whole])
 
 
 def ramp(tips_mm, height_mm, slope, otherwise=None):

@@ -227,3 +227,14 @@ def test_a_ramp_is_no_longer_than_what_stands_round_its_entry_asks(plain):
             m.kind == 1].sum())
     none, half = length(standing=lambda xy: np.zeros(len(xy))), length(standing=lambda xy: np.full(len(xy), STOCK_MM / 2))
     assert none < half < length() and length(standing=lambda xy: np.full(len(xy), 9.0)) == length()
+
+
+def test_a_cutter_that_leads_comes_straight_down_onto_its_pass_from_behind(plain):
+    """Along the pass' own direction at the slope given, however long what stands makes it."""
+    field, slope = field_of(plain), np.radians(20.0)
+    moves = moves_of_tip_paths(lines_on(field), rules_of(
+        plain, field, steepest_rad=np.radians(10.0), surface_link_mm=0.0, hop_mm=0.0, is_one_way=True, behind_rad=slope))
+    way = moves.end_mm - moves.starts_mm
+    down = (moves.kind == 1) & (way[:, 2] < -1e-9) & (np.linalg.norm(way[:, :2], axis=1) > 1e-6) & (moves.end_mm[:, 2] > 5.0 - 1e-9)
+    found = np.degrees(np.arctan2(-way[down, 2], np.linalg.norm(way[down, :2], axis=1)))
+    assert down.sum() >= 6 and np.abs(found - 20.0).max() < 1e-6 and (way[down, 0] > 0).all()
