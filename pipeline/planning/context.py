@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from cuspline.design.design import by_clamping
 from cuspline.design.fixtures import placed_fixtures
 from cuspline.design.operations import Clearing, Finishing
 from cuspline.kernel import brep
@@ -203,8 +204,13 @@ class PlanningContext:
         if isinstance(operation.tool_axis, FastestAxis) and operation.kind in ("rest", "waterline"):
             raise PlanError(f"{where} as is fastest, which {operation.kind} does not choose: give it a lead_tilt")
         if self.setup.indexed:
-            raise PlanError(f"{where} in an indexed position, which holds it still: give the operation to the setup that "
-                            "holds the part")
+            raise PlanError(f"{where} in an indexed position, which holds it still: give the operation to a setup that holds the "
+                            "part for itself")
+        beside = [s.name for held in by_clamping(self.design.setups, lambda before, s: s.is_held_as(before)) for s in held
+                  if self.setup.name in [h.name for h in held] and s.indexed]
+        if beside:
+            raise PlanError(f"{where}, and its clamping holds indexed positions as well ({', '.join(beside)}): their program is "
+                            "judged position by position; give the operation to a setup that holds the part for itself")
 
     @property
     def tool_axis(self):

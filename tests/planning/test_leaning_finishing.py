@@ -222,6 +222,18 @@ def test_what_cannot_turn_is_refused_by_name():
         plan_setup(part, setup.model_copy(update={"operations": (setup.operations[0], bull)}), mill("mill_trunnion_ac"), LIBRARY)
 
 
+def test_beside_indexed_positions_nothing_turns_in_the_cut():
+    """One program of both: its reader would take the leaning moves for wrong rotary words."""
+    part = planned("dome")[0]
+    alone = part.setups[0].model_copy(update={"operations": part.setups[0].operations[1:]})
+    side = alone.model_copy(update={"name": "side", "indexed": True, "wcs_z": (0.0, -1.0, 0.0)})
+    both = dataclasses.replace(part, setups=(alone, side))
+    with pytest.raises(PlanError, match=r"finish: its tool axis turns, and its clamping holds indexed positions as well \(side\)"):
+        plan_setup(both, alone, mill("mill_trunnion_ac"), LIBRARY)
+    with pytest.raises(PlanError, match="finish: its tool axis turns in an indexed position, which holds it still"):
+        plan_setup(both, both.setups[1], mill("mill_trunnion_ac"), LIBRARY)
+
+
 @pytest.mark.parametrize("post, word", [("linuxcnc", "M428"), ("fanuc", "G43.4"), ("fanuc", None), ("haas", "G234"), ("haas", None),
                                         ("heidenhain", "TCPM")])
 def test_however_it_is_posted_it_cuts_the_same_surface(post, word):
