@@ -209,8 +209,8 @@ class PlanningContext:
         beside = [s.name for held in by_clamping(self.design.setups, lambda before, s: s.is_held_as(before)) for s in held
                   if self.setup.name in [h.name for h in held] and s.indexed]
         if beside:
-            raise PlanError(f"{where}, and its clamping holds indexed positions as well ({', '.join(beside)}): their program is "
-                            "judged position by position; give the operation to a setup that holds the part for itself")
+            raise PlanError(f"{where}, and the part is held so for indexed positions as well ({', '.join(beside)}): their "
+                            "program is judged position by position; give the operation to a setup that holds the part for itself")
 
     @property
     def tool_axis(self):

@@ -21,7 +21,7 @@ LEAST_FEED_MM_PER_MIN = 20.0
 TIME_ASSUMPTIONS = (
     "trapezoidal speeds within each axis' acceleration, no jerk limit; corners as fast as the path tolerance "
     "allows; rapids along the straight line; where rotary axes turn in the cut and the program is posted, block by block through "
-    "the joints as LinuxCNC blends them; tool changes as the machine file says; no operator, no probing")
+    "the joints; tool changes as the machine file says; no operator, no probing")
 
 
 def spindle_rpm(cutter, speed_m_per_min, spindle):

@@ -228,7 +228,7 @@ def test_beside_indexed_positions_nothing_turns_in_the_cut():
     alone = part.setups[0].model_copy(update={"operations": part.setups[0].operations[1:]})
     side = alone.model_copy(update={"name": "side", "indexed": True, "wcs_z": (0.0, -1.0, 0.0)})
     both = dataclasses.replace(part, setups=(alone, side))
-    with pytest.raises(PlanError, match=r"finish: its tool axis turns, and its clamping holds indexed positions as well \(side\)"):
+    with pytest.raises(PlanError, match=r"its tool axis turns, and the part is held so for indexed positions as well \(side\)"):
         plan_setup(both, alone, mill("mill_trunnion_ac"), LIBRARY)
     with pytest.raises(PlanError, match="finish: its tool axis turns in an indexed position, which holds it still"):
         plan_setup(both, both.setups[1], mill("mill_trunnion_ac"), LIBRARY)

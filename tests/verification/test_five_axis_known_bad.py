@@ -1,7 +1,8 @@
 """Five-axis programs and machine files that are wrong, each refused or found by name.
 
-Elsewhere: a pivot 0.1 mm off (test_leaning_verdict.py), a table that winds up (test_turning.py, test_five_axis_post.py), a head
-that meets the swinging part between two blocks (test_body_clearance.py), G43.4 missing or with the wrong H (test_fanuc_five_axis.py).
+Elsewhere: a pivot 0.1 mm off (test_leaning_verdict.py), a table that winds up (test_turning.py, test_five_axis_post.py), a
+head that meets the swinging part between two blocks (test_body_clearance.py), G43.4 missing or with the wrong H
+(test_fanuc_five_axis.py).
 """
 
 import re
