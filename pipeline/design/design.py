@@ -7,16 +7,17 @@ from typing import Annotated, Any, Callable, Literal
 import numpy as np
 from pydantic import Field, ValidationError, model_serializer, model_validator
 
+from cuspline.design import given
 from cuspline.design.fixtures import Fixture
 from cuspline.design.operations import AnyOperation
-from cuspline.design.stock import StockAllowance
+from cuspline.design.stock import Standing, StockAllowance
 from cuspline.shop.cutters import Tool
 from cuspline.shop.threads import Thread
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import DesignError
 from cuspline.values.frames import Frame
 from cuspline.values.known import Known
-from cuspline.values.models import FileName, Model, Point, complaints, name_fault, shortened
+from cuspline.values.models import SEVERAL, FileName, Model, Names, Point, complaints, name_fault, shortened
 
 UNIT = 1e-9               # how exact unit vectors must be
 COARSEST_MM = 5.0         # nobody finishes a part more coarsely
@@ -40,8 +41,8 @@ class FacePredicate(Model):
     name: str = Field(description="what the chosen faces are called")
     count: int | None = Field(default=None, ge=1, description="how many faces it must match, no more, no fewer")
     at_least: int | None = Field(default=None, ge=1, description="in place of count: no fewer than that")
-    kinds: tuple[Literal["plane", "cylinder", "cone", "sphere", "torus", "extrusion",
-                         "revolution", "bezier", "bspline", "offset", "other"], ...] | None = None
+    kinds: Annotated[tuple[Literal["plane", "cylinder", "cone", "sphere", "torus", "extrusion", "revolution", "bezier", "bspline",
+                                   "offset", "other"], ...], SEVERAL] | None = None
     normal: tuple[float, float, float] | None = Field(default=None, description="direction that the normal is close to")
     normal_within_deg: float = Field(default=1.0, ge=0, le=180)
     center_min_mm: tuple[float, float, float] | None = Field(default=None,
@@ -59,7 +60,8 @@ class FacePredicate(Model):
                                            self.area_min_mm2, self.area_max_mm2, self.face_name, self.color)):
             raise ValueError(f"predicate {self.name!r} has no condition: it would match every face")
         if (self.count is None) == (self.at_least is None):
-            raise ValueError(f"predicate {self.name!r} says either count or at_least")
+            raise ValueError(f"predicate {self.name!r} says how many faces it is to match: state "
+                             + ("count=N or at_least=1" if self.count is None else "one of count and at_least"))
         return self
 
     @model_serializer(mode="wrap")
@@ -114,16 +116,16 @@ class Setup(Model):
     wcs_origin_mm: Point = (0.0, 0.0, 0.0)     # in part coordinates
     wcs_x: tuple[float, float, float] = Field(default=(1.0, 0.0, 0.0), description="direction of the WCS's X, part coordinates")
     wcs_z: tuple[float, float, float] = Field(default=(0.0, 0.0, 1.0), description="direction of its Z, towards the spindle")
-    faces: tuple[str, ...] = Field(min_length=1,
-                                   description="names of the predicates whose faces are cut, and judged after the setup")
-    operations: tuple[AnyOperation, ...] = Field(default=(), description="what cuts them, in this order; none: `Auto`, all chosen "
-                                                 "by curvature")
+    faces: Names = Field(min_length=1,
+                         description="names of the predicates whose faces are cut, and judged after the setup")
+    operations: Annotated[tuple[AnyOperation, ...], SEVERAL] = Field(
+        default=(), description="what cuts them, in this order; none: `Auto`, all chosen by curvature")
     planned_as: FileName | None = Field(default=None, description="name of an earlier setup from which the part looks the same, "
                                         "as a propeller's next blade does: its moves are cut here too; None: planned for itself")
     reach_x_mm: tuple[float, float] | None = Field(default=None, description="x of the part as it sits, along wcs_x: "
                                                    "between these roughing tools stay; None: they clear all")
-    fixtures: tuple[Fixture, ...] = Field(default=(), description="what holds the part: jaws, clamps, posts")
-    markers: tuple[Marker, ...] = Field(default=(), description="what is measured to find how the part sits")
+    fixtures: Annotated[tuple[Fixture, ...], SEVERAL] = Field(default=(), description="what holds the part: jaws, clamps, posts")
+    markers: Annotated[tuple[Marker, ...], SEVERAL] = Field(default=(), description="what is measured to find how the part sits")
     marker_limit_mm: float = Field(default=0.02, gt=0, description="how far a measured marker may be from the rigid part")
     marker_error_mm: float = Field(default=0.002, gt=0, description="of one measured coordinate of a marker, root mean square")
     far_limit_mm: float = Field(default=0.010, gt=0, description="how uncertain what is cut far from the markers may be")
@@ -304,6 +306,8 @@ class Design:
     where: Callable = lambda place_mm: ""   # (3,) part coordinates -> a name for people: the cell of a vane
 
     def __post_init__(self):
+        for name, value in self._settled():
+            object.__setattr__(self, name, value)
         self._refuse_names()
         if isinstance(self.predicates, dict):
             from cuspline.design.face_selection import predicates_of  # the CAD kernel: not for who lists designs
@@ -330,6 +334,22 @@ class Design:
             if missing := sorted(named - known):
                 raise DesignError(f"design {self.name}, {dimension.title}: {missing[0]!r} is a name of no predicate; there are "
                                   f"{sorted(known)}")
+
+    def _settled(self):
+        """(name, value) of what is handed over in other forms than it is kept in; see given.py."""
+        what = f"design {self.name}, {{}}".format
+        one = lambda name, value, kind, needs=None: (name, given.one(value, kind, what(name), needs))
+        yield one("parameters", self.parameters, Parameters, "the value of its parameter model that the function is handed")
+        yield one("material", self.material, str, "a name of `cuspline materials`")
+        yield one("finish", self.finish, Finish)
+        yield one("stock", StockAllowance() if self.stock is None else self.stock, Standing,
+                  "a StockBox, StockCylinder, StockSolid, StockMesh, StockAllowance or StockSkin")
+        yield one("threads", {} if self.threads is None else self.threads, dict, "a dict {name of faces: Thread}")
+        kinds = {"setups": Setup, "tools": Tool, "companions": Companion, "dimensions": Model}
+        if not isinstance(self.predicates, dict):
+            kinds["predicates"] = FacePredicate
+        for name, kind in kinds.items():
+            yield name, given.several(getattr(self, name), kind, what(name))
 
     def _refuse_copies(self):
         """A setup cut as one that was not planned before, or by other operations."""

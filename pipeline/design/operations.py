@@ -10,7 +10,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import BeforeValidator, Field, SerializeAsAny, field_validator, model_serializer
 
 from cuspline.values.coolants import Coolant
-from cuspline.values.models import Model, Point, by_kind
+from cuspline.values.models import Model, Names, Point, by_kind
 
 TYPES = {"ball": "ball", "flat": "flat", "bull": "bull_nose", "bull nose": "bull_nose", "bull_nose": "bull_nose",
          "tapered ball": "tapered_ball", "tapered_ball": "tapered_ball", "drill": "drill", "spot drill": "spot_drill",
@@ -42,8 +42,7 @@ class Operation(Model):
 
     name: str | None = Field(default=None, min_length=1, max_length=40, pattern=r"^[A-Za-z0-9 ._+-]+$",
                              description="what program, report and findings call it; left out: its kind")
-    faces: tuple[str, ...] | None = Field(default=None, min_length=1,
-                                          description="names of the faces it cuts; left out: the setup's")
+    faces: Names | None = Field(default=None, min_length=1, description="names of the faces it cuts; left out: the setup's")
     tool: int | str | None = Field(
         default=None, description='a tool by number (5), by type and size ("flat 16", "bull 12 r2") or by a rule ("ball <= 10"); '
         "left out: chosen by the faces' curvature")

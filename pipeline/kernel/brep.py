@@ -28,7 +28,7 @@ from OCP.TColStd import TColStd_Array1OfReal
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_IN, TopAbs_ON, TopAbs_REVERSED, TopAbs_SOLID
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopLoc import TopLoc_Location
-from OCP.TopoDS import TopoDS
+from OCP.TopoDS import TopoDS, TopoDS_Shape
 from OCP.TopTools import TopTools_IndexedMapOfShape
 
 from cuspline.kernel import closure, step_files
@@ -42,6 +42,7 @@ from cuspline.values import fixed_math as fixed
 from cuspline.values.amounts import counted
 from cuspline.values.arrays import frozen
 from cuspline.values.errors import DesignError
+from cuspline.values.models import shortened
 
 read_step, refuse_unreadable, write_step = step_files.read_step, step_files.refuse_unreadable, step_files.write_step
 
@@ -64,9 +65,16 @@ OPEN_MM = 0.05                        # no rounding leaves more
 
 
 def wrapped(shape):
-    """The TopoDS shape inside a CadQuery or build123d object, or the shape itself."""
+    """The TopoDS shape inside a CadQuery or build123d object, or the shape itself.
+
+    Raises:
+        DesignError: it is none of these.
+    """
     inner = shape.val() if hasattr(shape, "val") else shape
-    return getattr(inner, "wrapped", inner)
+    inner = getattr(inner, "wrapped", inner)
+    if not isinstance(inner, TopoDS_Shape):
+        raise DesignError(f"a shape of CadQuery, build123d or OCP goes here, not {shortened(shape)} ({type(shape).__name__})")
+    return inner
 
 
 def the_solid(shape, name="the part"):
@@ -102,9 +110,15 @@ def widest_gap(solid):
     return closure.widest_gap(solid) if loosest_tolerance_mm(solid) > LARGEST_TOLERANCE_MM else (0.0, np.zeros(3))
 
 
+def _items(shape):
+    """All that a Workplane or a list holds, and not its first alone; a shape as a list of one."""
+    inside = shape.vals() if hasattr(shape, "vals") else shape
+    return inside if isinstance(inside, (list, tuple)) else [inside]
+
+
 def _one_solid(shape, name):
     """The one solid of a shape, as it is."""
-    solids = explore(wrapped(shape), TopAbs_SOLID)
+    solids = [s for item in _items(shape) for s in explore(wrapped(item), TopAbs_SOLID)]
     if len(solids) != 1:
         raise DesignError(f"{name} holds {counted(len(solids), 'solid')}, it must be exactly one: "
                           + ("close its shell" if not solids else "fuse them, or build them one by one; a job file names one of "

@@ -5,7 +5,7 @@ import re
 import typing
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError, model_serializer
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag, ValidationError, model_serializer
 
 FAR_MM = 1e6                # no machine, stock or fixture reaches so far
 SHOWN = 60                  # characters of a value, and
@@ -25,6 +25,19 @@ class Model(BaseModel):
     """Frozen; an unknown key is an error, and so is a number that is not finite."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+def as_several(value):
+    """One value where several may stand, as several.
+
+    >>> as_several("walls"), as_several(["walls", "floor"])
+    (('walls',), ['walls', 'floor'])
+    """
+    return (value,) if isinstance(value, (str, dict, Model)) else value
+
+
+SEVERAL = BeforeValidator(as_several)
+Names = Annotated[tuple[str, ...], SEVERAL]
 
 
 class Sparse(Model):

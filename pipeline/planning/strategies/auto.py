@@ -249,7 +249,31 @@ def _upright(work):
     except (PlanError, CutterDoesNotFit) as error:
         why = str(error)
     made = freeform_finishing.walls_alone(work.on(Waterline(), work.wanted, [*work.planned, *before]), tool, candidates)
-    return [*before, *told_of([made] if made is not None else [], why)], reached
+    made = [*before, *told_of([made] if made is not None else [], why)]
+    between, also = _between_walls(work, [*work.planned, *made], reached)
+    return [*made, *between], reached | also
+
+
+def _between_walls(work, planned, reached):
+    """Operations of a ball that comes in between walls where the flat cutter of `planned` does not, and the rows (n,) that it
+    reaches: the stock there is cleared first, which passes of clean-up would meet at its whole depth.  ([], none) where nothing
+    stands so deep."""
+    none = [], np.zeros(len(reached), bool)
+    if not (~reached).any() or not work.finishing_library.of_type("ball"):
+        return none
+    try:
+        chain, candidates, by_balls = choose_finishing(work.finishing_library, work.samples, work.mesh,
+                                                       work.practice.rough_allowance_mm, work.finishing_work())
+    except CutterDoesNotFit:
+        return none
+    ball, left = chain[-1].tool, by_balls & ~reached
+    faces = np.unique(work.samples.face[left]).tolist()
+    on = lambda planned: work.on(Waterline(), faces, planned)
+    cleared = roughing.before_passes(on(planned), ball, left[np.isin(work.samples.face, faces)]) if faces else []
+    if not cleared:
+        return none
+    made = freeform_finishing.walls_alone(on([*planned, *cleared]), ball, candidates)
+    return [*cleared, *([made] if made is not None else [])], by_balls
 
 
 def _level_floor(work):
