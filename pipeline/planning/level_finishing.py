@@ -218,7 +218,8 @@ def floors(work, tool, candidates, stock):
             continue
         paths = _side_by_side(field, step, tolerance) + _along_walls(field, height + operation.allowance_mm, tolerance)
         if paths:
-            made.append(moves_of_tip_paths(paths, link_rules(work, tool, field, tolerance, step, feed, left)))
+            rules = replace(link_rules(work, tool, field, tolerance, step, feed, left), heights=stock)
+            made.append(moves_of_tip_paths(paths, rules))
     if not made:
         raise PlanError(f"{operation.title}: T{tool.number} {tool.cutter.name} comes to none of the level faces "
                         f"{work.face_names}: choose a smaller one")

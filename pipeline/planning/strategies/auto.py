@@ -26,6 +26,7 @@ from cuspline.values.errors import CutterDoesNotFit, PlanError, ToolpathError
 
 SEMI, FINISHES = "semi-finish", ("semi-finish", "finish")     # names of the balls' operations
 HELIX_SHARE = 0.6           # of the tightest wall's radius: a cutter so small has room for its helix
+GIVEN_UP_SHARE = 0.01       # of what a cutter clears: so much it may leave for lack of room
 CORNER_SHARE = 0.01         # of the area: what samples may miss beside walls that a flat cutter does reach
 WIDEST_CHAMFER_MM = 4.0     # high: larger strips are faces
 SWEPT = 1e-6                # of a unit normal along the way on which a face is swept
@@ -235,13 +236,14 @@ def _upright(work):
     waterlines, as deep as its flutes."""
     standing, tightest = work.practice.rough_allowance_mm, work.hollow.radius_mm
     flats = [t for t in work.library.of_type("flat") if t.cutter.radius_mm <= HELIX_SHARE * tightest]
-    if not flats:
-        raise CutterDoesNotFit(f"{work.setup.name}: upright walls alone are left, rounded by {tightest:.3f} mm, and no flat cutter "
-                               "is small enough to come down between them by a helix: add one to the file of --cutters, or a drill")
-    tool, candidates, reached = choose_cutter("waterline", flats, work.samples, tightest, work.reached_with,
-                                              work.finishing_work())
+    is_small = bool(flats)              # else it leaves corners; whether it has room elsewhere shows as it clears
+    tool, candidates, reached = choose_cutter("waterline", flats or work.library.of_type("flat"), work.samples,
+                                              tightest if is_small else math.inf, work.reached_with, work.finishing_work())
     rough, _, _ = roughing.cleared(work, roughing.RoughingStage(name="rough", allowance_mm=standing), tool, candidates,
                                    work.stock_mm, leftover_rows(work.samples), Clearing())
+    if not is_small and (rough is None or rough.facts["given_up_mm3"] > GIVEN_UP_SHARE * rough.facts["removed_mm3"]):
+        raise CutterDoesNotFit(f"{work.setup.name}: upright walls alone are left, rounded by {tightest:.3f} mm, and no flat cutter "
+                               "is small enough to come down between them by a helix: add one to the file of --cutters, or a drill")
     before = [rough] if rough is not None else []
     try:
         sides, rows = Contour().plan(work.on(Contour(), work.wanted, [*work.planned, *before]))

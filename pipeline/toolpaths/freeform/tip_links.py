@@ -29,6 +29,7 @@ OUTSIDE_RADII = 1.0         # ways this short may leave the region: round a hole
 MARGIN_MM = 0.1             # above what earlier operations left
 LEVEL_MM = 1e-9
 MOST_FOLDS = 40             # of a ramp to and fro
+UNDER, UNDER_SHARES = 16, (0.17, 0.33, 0.5)     # places on circles of these shares of its radius: what is under a cutter's middle
 RAMP_SHARE = 0.9            # of the steepest way into stock that the cutter stands
 
 
@@ -53,6 +54,7 @@ class TipLinkRules:
     behind_rad: float | None = None     # slope against its pass at which a cutter that leads comes in from behind; None: it ramps
     ramp_above_mm: float = 0.0      # ramps, and ways in from behind, end so high above their path, the rest goes straight down
     bearing: str | None = None      # see ordered_paths
+    heights: Callable | None = None         # function of places (n, 2) to the heights (n,) that stand there; None: not known
     rapids: Dropper | None = None   # the same as `stock` with a rapid's clearance all round: down to there rapids go straight
                                     # up and down; None: to the approach height
 
@@ -210,9 +212,10 @@ def _leads(order, rules):
         if rules.standing is not None:
             standing = np.minimum(standing, rules.standing(starts[:, :2]))
         slope = float(fixed.tan(RAMP_SHARE * rules.steepest_rad))
+        under = standing if rules.heights is None else np.minimum(standing, _under_mm(starts, rules))
         off = np.array([0.0, 0.0, rules.ramp_above_mm])
-        ramps = [ramp(p.tips_mm + off, high + MARGIN_MM, slope, lead) if high > MARGIN_MM else lead
-                 for p, high, lead in zip(order, standing, entries)]
+        ramps = [_ramped(p.tips_mm + off, (high, low), slope, lead)
+                 for p, high, low, lead in zip(order, standing, under, entries)]
         entries = ramps if rules.behind_rad is None else _from_behind(order, standing, ramps, rules)
     return entries, [out[k] if clear[n + k] else None for k in range(n)]
 
@@ -239,6 +242,25 @@ def _tangent(first, second):
     level, whole = (max(float(fixed.length(v)), LEVEL_MM) for v in (way[:2], way))
     ahead = way / whole
     return ahead, np.array([-ahead[2] * way[0] / level, -ahead[2] * way[1] / level, level / whole])
+
+
+def _ramped(tips_mm, standing_mm, slope, otherwise):
+    """The ramp down to a path: from above all that may stand there or, where the path is too short for that, from above what
+    stands under the cutter's middle, its edge going down beside walls."""
+    high, low = standing_mm
+    if high <= MARGIN_MM:
+        return otherwise
+    lower = ramp(tips_mm, low + MARGIN_MM, slope, otherwise) if low > 0.0 else otherwise
+    return ramp(tips_mm, high + MARGIN_MM, slope, lower)
+
+
+def _under_mm(tips_mm, rules):
+    """(n,) by which what stands under the middle of a cutter, half as wide as it is, rises above its tips (n, 3)."""
+    angle = np.linspace(0.0, 2.0 * math.pi, UNDER, endpoint=False)
+    circle = np.column_stack([fixed.cos(angle), fixed.sin(angle)])
+    spots = np.vstack([(0.0, 0.0), *(share * rules.field.dropper.radius_mm * circle for share in UNDER_SHARES)])
+    there = (tips_mm[:, None, :2] + spots).reshape(-1, 2)
+    return rules.heights(there).reshape(len(tips_mm), -1).max(axis=1) - tips_mm[:, 2]
 
 
 def ramp(tips_mm, height_mm, slope, otherwise=None):

@@ -208,6 +208,21 @@ def test_a_cutter_that_does_not_cut_at_its_centre_comes_down_on_a_ramp(plain):
     assert in_stock.sum() > 20 and (np.arctan2(down[in_stock], way) <= steepest).all()
 
 
+def test_a_path_too_short_for_all_that_may_stand_is_entered_from_what_does_stand_there(plain):
+    """What earlier cutters may have left is their worst anywhere, 6 mm here; 0.3 mm stand: a ramp from there, no arc."""
+    field, steepest = field_of(plain), np.radians(3.0)
+    path = TipPath(tips_mm=np.array([(10.0, 8, 5), (12, 8, 5)]), is_closed=False, curve=0)
+    rules = {"steepest_rad": steepest, "stock": MeshDropper.of(plain[1], RADIUS_MM, RADIUS_MM, 6.0)}
+    steep = []
+    for heights in (None, lambda xy: np.full(len(xy), 5.3)):
+        moves = moves_of_tip_paths([path], rules_of(plain, field, heights=heights, **rules))
+        down = moves.starts_mm[:, 2] - moves.end_mm[:, 2]
+        way = np.linalg.norm((moves.end_mm - moves.starts_mm)[:, :2], axis=1)
+        low = (moves.end_mm[:, 2] < 5.3 - 1e-9) & (down > 1e-9)
+        steep.append(float(np.arctan2(down[low], way[low]).max()))
+    assert steep[0] > 2 * steepest and steep[1] <= steepest
+
+
 def test_a_ramp_runs_to_and_fro_over_its_path():
     path = np.array([(0.0, 0, 1), (3, 0, 1), (3, 4, 2)])                  # 7 long in plan
     tips = ramp(path, 1.0, 0.04)                                           # 25 long: three whole folds and 4 more
