@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial import cKDTree
 
+from cuspline.kernel.brep import bounding_box_mm
 from cuspline.planning.context import FinishingStage, finite, path_tolerance_mm, ridge_for_step_mm
 from cuspline.planning.cutter_choice import ROUND
 from cuspline.planning.leaning_choice import compared, fastest
@@ -66,6 +67,8 @@ RIM_STEPS = 3               # until the nearest place of a bull nose's corner st
 TERRACE_SHARE = 0.8         # of its flutes a flat cutter goes deep beside an upright wall
 RUN_OVER_RADII = 0.5        # over an edge the ball rolls no farther: it falls by 0.13 of its radius, whatever stands there
 LEVEL = 1 - 1e-9            # of a unit normal's z: level ground
+BELOW_MM = 0.01             # walls that stand on nothing a flat cutter goes: it still touches them
+ON_GROUND_MM = 1e-3         # of level ground: a wall stands on it
 SAME_MM = 1e-6              # heights that are the same
 COARSER = 3.0               # times the pitch: a grid that tells within which box something is left
 COMMON_PLANE_ROUNDS = 3     # of laying passes anew until their cusps are as asked
@@ -376,7 +379,7 @@ def _wall_paths(work, field, tool, ridge_mm, tolerance_mm, step_mm):
         return []
     heights = ([*_wall_heights(samples, steep, field.dropper, ridge_mm),
                 *_feet(work, samples.point_mm[steep, 2], field.dropper, tolerance_mm)] if corner > 0.0 else
-               _terraces(samples, steep, tool, ridge_mm, tolerance_mm))
+               _terraces(samples, steep, tool, ridge_mm, _lowest_mm(work, samples, steep, tolerance_mm)))
     return wall_paths_at(work, field, heights, tolerance_mm, step_mm)
 
 
@@ -466,18 +469,32 @@ def _wall_heights(samples, steep, dropper, ridge_mm):
 
 def _feet(work, walls_z_mm, dropper, tolerance_mm):
     """Tip heights on the level ground at the foot of walls: passes from above come near it, but not along it."""
-    level = {round(float(f.middle.point_mm[0, 2]) / SAME_MM) * SAME_MM for f in work.faces
-             if f.kind == "plane" and f.middle.normal[0, 2] > LEVEL}
+    level = _level_heights(work)
     low, high = walls_z_mm.min() - dropper.corner_radius_mm, walls_z_mm.max()
     return [z + dropper.allowance_mm + tolerance_mm / 2 for z in sorted(level) if low < z < high]
 
 
-def _terraces(samples, steep, tool, ridge_mm, tolerance_mm):
-    """Tip heights of a flat cutter: on a wall that leans it leaves steps, on an upright one nothing above its tip."""
+def _level_heights(work):
+    """Set of heights at which the part has level ground."""
+    return {round(float(f.middle.point_mm[0, 2]) / SAME_MM) * SAME_MM for f in work.faces
+            if f.kind == "plane" and f.middle.normal[0, 2] > LEVEL}
+
+
+def _lowest_mm(work, samples, steep, tolerance_mm):
+    """Lowest tip of a flat cutter beside walls: on no level ground at their foot, and below those that stand on nothing, at whose
+    lower edge a strip would stay.  The foot of upright walls is their own: samples stand above it."""
+    upright = np.unique(samples.face[steep & (np.abs(samples.normal[:, 2]) < HANGS)])
+    feet = [float(bounding_box_mm(work.faces[i].shape)[0][2]) for i in upright]
+    low = min([float(samples.point_mm[steep, 2].min()), *feet])
+    stands = any(abs(z - low) <= ON_GROUND_MM for z in _level_heights(work))
+    return low + tolerance_mm / 2 if stands or low not in feet else low - BELOW_MM
+
+
+def _terraces(samples, steep, tool, ridge_mm, low):
+    """Tip heights of a flat cutter down to `low`: on a wall that leans it leaves steps, on an upright one nothing above its tip."""
     normal, z = np.maximum(samples.normal[steep, 2], 0.0), samples.point_mm[steep, 2]
     highest = TERRACE_SHARE * tool.cutter.flute_length_mm
     allowed = np.minimum(ridge_mm / np.maximum(normal, ridge_mm / highest), highest)
-    low = float(z.min()) + tolerance_mm / 2             # no line runs on a level floor
     if float(z.max()) - low <= float(allowed.min()):
         return np.array([low])
     step_at = smallest_step(z, allowed, margin_mm=float(allowed.min()), elsewhere_mm=float(allowed.max()))

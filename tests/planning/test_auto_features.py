@@ -115,3 +115,24 @@ def test_an_outline_and_a_window_that_no_one_cutter_fits_have_a_contour_each():
     assert len(contours) == 2 and contours[1] < 6.0
     assert "rounded by 3.000" in plan.operations[-1].facts["instead_of"] and not any(
         o.tool.cutter.type == "ball" for o in plan.operations)
+
+
+def window(at, size, corner):
+    cut = cq.Workplane("XY", origin=(*at, -1)).rect(*size).extrude(20)
+    return cut.edges("|Z").fillet(corner) if corner else cut
+
+
+def test_a_window_with_corners_tighter_than_any_cutter_is_cut_as_far_as_a_flat_one_comes():
+    """Its tightest corner says nothing of the room in its middle: 10 mm go down by a helix in 15."""
+    plan = planned(block().cut(window((30, 15), (15, 15), 0.5)))
+    assert [(o.name, o.tool.cutter.name) for o in plan.operations] == [("rough", "flat 10 mm"), ("waterline", "flat 10 mm")]
+    assert plan.operations[1].moves.end_mm[:, 2].min() == pytest.approx(-0.01)          # below a wall that stands on nothing
+    assert facts(plan)["rough"]["given_up_mm3"] == 0.0 and 0.0 < plan.area_reached_mm2 < plan.area_required_mm2
+
+
+def test_between_walls_where_no_flat_cutter_comes_in_a_ball_clears_and_finishes():
+    plan = planned(block().cut(window((30, 15), (24, 5.6), 0.0)))
+    assert [(o.name, o.tool.cutter.name) for o in plan.operations] == [("rest rough", "ball 4 mm long neck"),
+                                                                      ("waterline", "ball 4 mm long neck")]
+    assert "touches none of the faces" in facts(plan)["waterline"]["instead_of"]
+    assert plan.area_reached_mm2 > 0.5 * plan.area_required_mm2

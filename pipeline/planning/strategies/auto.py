@@ -237,8 +237,14 @@ def _upright(work):
     standing, tightest = work.practice.rough_allowance_mm, work.hollow.radius_mm
     flats = [t for t in work.library.of_type("flat") if t.cutter.radius_mm <= HELIX_SHARE * tightest]
     is_small = bool(flats)              # else it leaves corners; whether it has room elsewhere shows as it clears
-    tool, candidates, reached = choose_cutter("waterline", flats or work.library.of_type("flat"), work.samples,
-                                              tightest if is_small else math.inf, work.reached_with, work.finishing_work())
+    try:
+        tool, candidates, reached = choose_cutter("waterline", flats or work.library.of_type("flat"), work.samples,
+                                                  tightest if is_small else math.inf, work.reached_with, work.finishing_work())
+    except CutterDoesNotFit as error:
+        made, reached = _between_walls(work, work.planned, np.zeros(len(work.samples.area_mm2), bool))
+        if not made:
+            raise
+        return told_of(made, str(error)), reached
     rough, _, _ = roughing.cleared(work, roughing.RoughingStage(name="rough", allowance_mm=standing), tool, candidates,
                                    work.stock_mm, leftover_rows(work.samples), Clearing())
     if not is_small and (rough is None or rough.facts["given_up_mm3"] > GIVEN_UP_SHARE * rough.facts["removed_mm3"]):
