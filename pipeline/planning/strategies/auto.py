@@ -20,7 +20,7 @@ from cuspline.planning.strategies.floor import Floor
 from cuspline.planning.strategies.tap import Tap
 from cuspline.planning.strategies.thread_mill import ThreadMill
 from cuspline.planning.strategies.waterline import Waterline
-from cuspline.surfaces.holes import PARALLEL
+from cuspline.surfaces.holes import PARALLEL, holes_of
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import CutterDoesNotFit, PlanError, ToolpathError
 
@@ -236,11 +236,15 @@ def _upright(work):
     waterlines, as deep as its flutes."""
     standing, tightest = work.practice.rough_allowance_mm, work.hollow.radius_mm
     flats = [t for t in work.library.of_type("flat") if t.cutter.radius_mm <= HELIX_SHARE * tightest]
-    is_small = bool(flats)              # else it leaves corners; whether it has room elsewhere shows as it clears
-    try:
+    is_small, round_walls = bool(flats), _walls_of_holes(work)
+    if not is_small and round_walls:
+        raise CutterDoesNotFit(_no_flat_cutter(work, tightest))
+    try:                                # where none is small it leaves corners; whether it has room elsewhere shows as it clears
         tool, candidates, reached = choose_cutter("waterline", flats or work.library.of_type("flat"), work.samples,
                                                   tightest if is_small else math.inf, work.reached_with, work.finishing_work())
     except CutterDoesNotFit as error:
+        if round_walls:
+            raise
         made, reached = _between_walls(work, work.planned, np.zeros(len(work.samples.area_mm2), bool))
         if not made:
             raise
@@ -248,8 +252,7 @@ def _upright(work):
     rough, _, _ = roughing.cleared(work, roughing.RoughingStage(name="rough", allowance_mm=standing), tool, candidates,
                                    work.stock_mm, leftover_rows(work.samples), Clearing())
     if not is_small and (rough is None or rough.facts["given_up_mm3"] > GIVEN_UP_SHARE * rough.facts["removed_mm3"]):
-        raise CutterDoesNotFit(f"{work.setup.name}: upright walls alone are left, rounded by {tightest:.3f} mm, and no flat cutter "
-                               "is small enough to come down between them by a helix: add one to the file of --cutters, or a drill")
+        raise CutterDoesNotFit(_no_flat_cutter(work, tightest))
     before = [rough] if rough is not None else []
     try:
         sides, rows = Contour().plan(work.on(Contour(), work.wanted, [*work.planned, *before]))
@@ -260,6 +263,16 @@ def _upright(work):
     made = [*before, *told_of([made] if made is not None else [], why)]
     between, also = _between_walls(work, [*work.planned, *made], reached)
     return [*made, *between], reached | also
+
+
+def _no_flat_cutter(work, tightest_mm):
+    return (f"{work.setup.name}: upright walls alone are left, rounded by {tightest_mm:.3f} mm, and no flat cutter is small enough "
+            "to come down between them by a helix: add one to the file of --cutters, or a drill")
+
+
+def _walls_of_holes(work):
+    """Set of the faces wanted that are walls of holes: what drills, reamers and helices have left of these has its own reasons."""
+    return {f for hole in holes_of(work.faces) for wall in hole.walls for f in wall.faces} & set(work.wanted)
 
 
 def _between_walls(work, planned, reached):
