@@ -37,7 +37,7 @@ def operations_of(text):
 
 
 def operations_in_words(text):
-    """{number: what its comment says} of the operations that a program can begin at.
+    r"""{number: what its comment says} of the operations that a program can begin at.
 
     >>> operations_in_words("G21\n(OPERATION 1: ROUGH, T3 FLAT)\nT3 M6\nS9 M3\nM2\n")
     {1: 'ROUGH, T3 FLAT'}
