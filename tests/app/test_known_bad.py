@@ -451,10 +451,10 @@ def built(whole, folder, found, out, monkeypatch):
                 shutil.copy(path, work)
         for path in work.glob("*.ngc"):
             path.write_text(re.sub(r"\(VERDICT: [^)]*\)", f"({recipe.UNVERIFIED})", path.read_text()))
-        return read_job(folder)
+        return read_job(folder), {}
 
     monkeypatch.setattr(recipe, "_planned", lambda order, say: ())
-    monkeypatch.setattr(recipe, "plan_document", lambda order, plans, cuts=None: {})
+    monkeypatch.setattr(recipe, "plan_document", lambda order, plans, cuts=None, joint_s=None: {})
     monkeypatch.setattr(recipe, "_posted", post)
     monkeypatch.setattr(recipe._Trial, "judged", lambda trial, plans, job, first: (job, found))
     monkeypatch.setattr(recipe, "_coloured_stock", lambda *arguments: "")
