@@ -116,8 +116,7 @@ class Setup(Model):
     wcs_origin_mm: Point = (0.0, 0.0, 0.0)     # in part coordinates
     wcs_x: tuple[float, float, float] = Field(default=(1.0, 0.0, 0.0), description="direction of the WCS's X, part coordinates")
     wcs_z: tuple[float, float, float] = Field(default=(0.0, 0.0, 1.0), description="direction of its Z, towards the spindle")
-    faces: Names = Field(min_length=1,
-                         description="names of the predicates whose faces are cut, and judged after the setup")
+    faces: Names = Field(description="names of the predicates whose faces are cut, and judged after the setup")
     operations: Annotated[tuple[AnyOperation, ...], SEVERAL] = Field(
         default=(), description="what cuts them, in this order; none: `Auto`, all chosen by curvature")
     planned_as: FileName | None = Field(default=None, description="name of an earlier setup from which the part looks the same, "

@@ -42,7 +42,7 @@ class Operation(Model):
 
     name: str | None = Field(default=None, min_length=1, max_length=40, pattern=r"^[A-Za-z0-9 ._+-]+$",
                              description="what program, report and findings call it; left out: its kind")
-    faces: Names | None = Field(default=None, min_length=1, description="names of the faces it cuts; left out: the setup's")
+    faces: Names | None = Field(default=None, description="names of the faces it cuts; left out: the setup's")
     tool: int | str | None = Field(
         default=None, description='a tool by number (5), by type and size ("flat 16", "bull 12 r2") or by a rule ("ball <= 10"); '
         "left out: chosen by the faces' curvature")

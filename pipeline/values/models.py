@@ -37,7 +37,7 @@ def as_several(value):
 
 
 SEVERAL = BeforeValidator(as_several)
-Names = Annotated[tuple[str, ...], SEVERAL]
+Names = Annotated[tuple[str, ...], Field(min_length=1), SEVERAL]
 
 
 class Sparse(Model):

@@ -143,9 +143,10 @@ def test_at_least_takes_more_and_refuses_fewer():
         select_faces(faces, FacePredicate(at_least=5, **rounds))
 
 
-@pytest.mark.parametrize("counts", [{}, {"count": 1, "at_least": 1}])
-def test_a_predicate_says_one_count(counts):
-    with pytest.raises(ValidationError, match="either count or at_least"):
+@pytest.mark.parametrize("counts, said", [({}, "state count=N or at_least=1"),
+                                          ({"count": 1, "at_least": 1}, "state one of count and at_least")])
+def test_a_predicate_says_one_count(counts, said):
+    with pytest.raises(ValidationError, match=said):
         FacePredicate(name="top", normal=(0, 0, 1), **counts)
 
 
