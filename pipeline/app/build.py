@@ -227,7 +227,17 @@ def _planned(order, say):
         say(f"{design.name}: plan {setup.name}")
         plans.append(plan_setup(design, setup, order.machine, order.library, piece, order.shop))
         _let_go(plans)
-    return plans
+    idle = {plan.setup.name for plan in plans if not plan.operations and is_cut_by_others(plan, plans)}
+    for name in sorted(idle):
+        say(f"{design.name}: {name} is left out: other positions have cut all of its faces that it could")
+    return [plan for plan in plans if plan.setup.name not in idle]
+
+
+def is_cut_by_others(plan, plans):
+    """Whether a plan is of an indexed position, not the first, whose faces others of its clamping cut, so that they are judged."""
+    held = next(held for held in by_clamping(plans) if any(p is plan for p in held))
+    others = {name for p in held if p is not plan and p.operations for name in p.setup.faces}
+    return held[0] is not plan and set(plan.setup.faces) <= others
 
 
 def _let_go(plans):

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from cuspline.app import catalogue
-from cuspline.app.build import Order, build
+from cuspline.app.build import Order, build, is_cut_by_others
 from cuspline.app.judge import judge, judge_text
 from cuspline.app.machine_report import machine_view
 from cuspline.app.report_inputs import drawn_setup
@@ -252,3 +252,12 @@ def test_a_design_whose_first_setup_is_a_position_is_refused():
     with pytest.raises(DesignError, match="again points the tool as top does"):
         replace(design, setups=(top, again))
     assert json.loads(top.model_dump_json()).get("indexed") is None
+
+
+def test_a_position_that_finds_nothing_left_is_left_out_where_others_cut_its_faces_and_only_there():
+    front = catalogue.make_design(catalogue.find_design(str(PART)), []).setups[-1]
+    planned = lambda faces, *operations: SimpleNamespace(operations=operations, setup=front.model_copy(update={"faces": faces}))
+    first, idle, other = planned(("blade", "edge"), "rough"), planned(("blade",)), planned(("tip",))
+    assert is_cut_by_others(idle, [first, idle, other])
+    assert not is_cut_by_others(other, [first, idle, other])
+    assert not is_cut_by_others(idle, [idle, planned(("blade",), "rest")])
