@@ -428,7 +428,14 @@ def plan_document(order, plans, cuts=None, joint_s=None):
             "units": "mm", "min_concave_radius_mm": _finite(hollow.radius_mm),
             "min_concave_radius_place_mm": [round(x, 4) for x in hollow.place_mm],
             **{g.name: g.facts(order.design.where) for g in order.design.guides},
-            "stock": _stock_document(order.design.stock), "setups": setups}
+            "stock": _stock_document(order.design.stock), "setups": setups,
+            **({"not_needed": idle} if (idle := _not_needed(order, plans)) else {})}
+
+
+def _not_needed(order, plans):
+    """Names of the design's setups that no plan is of: see `is_cut_by_others`."""
+    names = {plan.setup.name for plan in plans}
+    return [setup.name for setup in order.design.setups if setup.name not in names]
 
 
 def tool_changes(plans):

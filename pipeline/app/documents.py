@@ -199,6 +199,7 @@ class PlanDocument(Document):
     material: str
     min_concave_radius_mm: float | None = Field(description="null: nothing is concave")
     setups: tuple[SetupPlanRow, ...]
+    not_needed: tuple[str, ...] = Field(default=(), description="indexed positions of the design whose faces others have cut")
 
 
 class ManifestDocument(Document):

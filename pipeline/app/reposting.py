@@ -91,9 +91,8 @@ def restart_lines(folder, setup=None):
     rows, lines = restart_rows(read.posted), {}
     for row, line in zip(rows.tolist(), lines_of(read.posted, rows).tolist()):
         name = f"{read.posted.operation_name(row)}, T{read.posted.tool[row]}"
-        if line not in lines.setdefault(name, []):
-            lines[name].append(line)
-    return lines
+        lines.setdefault(name, {})[line] = None
+    return {name: list(found) for name, found in lines.items()}
 
 
 def reposted(folder, line, number=None, diameter_mm=None, setup=None):

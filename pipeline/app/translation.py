@@ -226,11 +226,14 @@ def _senses(moves):
 
 def _hand_of_taps(moves):
     """(n,) of the thread that is tapped next with the same tool: 1 right, -1 left, 0 none; at a tap its own."""
-    hand, out = np.sign(moves.pitch_mm), np.zeros(len(moves))
-    for k in range(len(moves) - 1, -1, -1):
-        goes_on = k + 1 < len(moves) and moves.tool[k] == moves.tool[k + 1] and moves.kind[k] == Kind.RAPID
-        out[k] = hand[k] if hand[k] else out[k + 1] if goes_on else 0.0
-    return out
+    taps, at = np.flatnonzero(moves.pitch_mm), np.arange(len(moves))
+    if not len(taps):
+        return np.zeros(len(moves))
+    ends = np.r_[(moves.tool[1:] != moves.tool[:-1]) | (moves.kind[:-1] != Kind.RAPID), True]      # no tap behind counts before it
+    ended = np.r_[0, np.cumsum(ends)]
+    following = taps[np.searchsorted(taps, at).clip(max=len(taps) - 1)]
+    leads_there = (following >= at) & (ended[at] == ended[following])
+    return np.where(leads_there, np.sign(moves.pitch_mm[following]), 0.0)
 
 
 def _taps(moves, rows):

@@ -75,7 +75,7 @@ def why_not(operation):
 def _within_control(operation, machine):
     """The operation, without the wish for a constant cutting speed where its tool leans and the control keeps the speed then."""
     wishes = operation.wishes
-    if wishes is None or not wishes.is_speed_constant or machine.control.is_turned_at_tip or not _leans(operation):
+    if wishes is None or not wishes.is_speed_constant or machine.control.changes_speed_at_tip or not _leans(operation):
         return operation
     said = {"cutting_speed": f"not used: its tool leans, and the speed of the spindle does not change under "
                              f"{machine.control.tip_control}"}

@@ -17,7 +17,6 @@ from cuspline.program.program import Moves, MoveWriter
 from cuspline.toolpaths.prismatic.chamfer_edges import chamfer_edges
 from cuspline.toolpaths.prismatic.contour_moves import arc_leads, follow, lengthened
 from cuspline.toolpaths.prismatic.plan_elements import PlanChain, chains_of, offset_chain
-from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import CamError, CutterDoesNotFit, PlanError
 
 SAME_RAD = math.radians(0.01)       # of the face's angle and the cutter's: 1 um on a chamfer of 6 mm
@@ -141,19 +140,13 @@ def _way(work, chain, edges):
                  "tip_below_mm", faces)
 
 
-def cone_mm(cutter, high_mm):
-    """Radius of a cutter's cone so high above its tip."""
-    tip = (cutter.tip_diameter_mm or 0.0) / 2
-    return tip + high_mm * fixed.tan(math.radians(cutter.point_angle_deg) / 2)
-
-
 def _along(work, tool, chain, heights, faces):
     """The way along the edges, the tip as far below as is wished, or as the part lets it; None: there is none."""
     (low, high), cutter = heights, tool.cutter
     room, wish = cutter.point_height_mm - (high - low) - WITHIN_MM, work.operation.tip_below_mm
     for below in ((BELOW_SHARE * room, 0.1 * room, 0.02 * room) if wish is None else (min(wish, room),)):
         try:
-            path = offset_chain(chain, cone_mm(cutter, below))
+            path = offset_chain(chain, cutter.cone_radius_mm(below))
         except CutterDoesNotFit:
             continue
         if is_clear(work, cutter, path.places(LOOK_MM), low - below):
@@ -166,7 +159,7 @@ def _straight_down(work, tool, chain, heights, faces):
     (low, high), cutter, first = heights, tool.cutter, chain.elements[0]
     if not (chain.is_closed and first.center is not None and first.is_left):
         return None
-    tip = low - (first.radius_mm - (cutter.tip_diameter_mm or 0.0) / 2) / fixed.tan(math.radians(cutter.point_angle_deg) / 2)
+    tip = low - (first.radius_mm - cutter.point_flat_mm) / cutter.cone_slope
     if tip > low or high > tip + cutter.point_height_mm or not is_clear(work, cutter, first.center[None], tip):
         return None
     return ChamferWay(path=None, tip_mm=tip, high_mm=high, tool=tool, middle=first.center, faces=faces)
@@ -176,7 +169,7 @@ def is_clear(work, cutter, xy_mm, tip_mm):
     """Whether no part stands within a pointed cutter at places (n, 2): its cone as discs, dropped."""
     for share in DISCS.tolist():
         high = share * cutter.point_height_mm
-        radius = cone_mm(cutter, high) - WITHIN_MM
+        radius = cutter.cone_radius_mm(high) - WITHIN_MM
         if radius > WITHIN_MM and (work.dropper(radius, 0.0, 0.0).tips_mm(xy_mm) > tip_mm + high + HIGH_MM).any():
             return False
     return True
@@ -201,7 +194,7 @@ def _moves(work, way, feed):
         middle, leads = _leads(work, way)
         elements, begin = (*leads.way_in, *middle, *leads.way_out), leads.begin
     writer = MoveWriter((*begin, work.clearance_z_mm))
-    over = max(way.high_mm, float(_stock_under(work, way.tool.cutter, begin).max())) + work.practice.approach_mm
+    over = max(way.high_mm, float(stock_under(work, way.tool.cutter, begin[None]).max())) + work.practice.approach_mm
     writer.rapid((*begin, min(over, work.clearance_z_mm)))
     writer.feed((*begin, way.tip_mm), work.practice.plunge_share * feed)
     follow(writer, elements, way.tip_mm, feed)
@@ -212,14 +205,14 @@ def _moves(work, way, feed):
 def _leads(work, way):
     """(elements, Leads) so far beside the edge that the cone comes down beside what it cuts."""
     cutter, path = way.tool.cutter, way.path
-    wide = cone_mm(cutter, way.high_mm - way.tip_mm) - cone_mm(cutter, 0.0) + MARGIN_MM
+    wide = (way.high_mm - way.tip_mm) * cutter.cone_slope + MARGIN_MM
     radius = max(work.lead_radius_mm(cutter.radius_mm), wide)
     for along in path.starts_mm()[:STARTS if path.is_closed else 1]:
         elements = path.begun_at(along).elements if path.is_closed else lengthened(path, cutter.diameter_mm)
         for high in (radius, wide, 0.5 * wide):
             leads = arc_leads((elements[0], 0.0), (elements[-1], elements[-1].length_mm), radius, high)
             places = np.vstack([PlanChain(elements=(e,), is_closed=False).places(LOOK_MM) for e in leads.elements])
-            is_free = (_stock_under(work, cutter, leads.begin) <= way.tip_mm + STANDS_MM).all()
+            is_free = (stock_under(work, cutter, leads.begin[None]) <= way.tip_mm + STANDS_MM).all()
             if is_free and is_clear(work, cutter, places, way.tip_mm):
                 return elements, leads
     place = in_words(work.in_part((*path.elements[0].start, way.tip_mm)))
@@ -227,9 +220,9 @@ def _leads(work, way):
                     f"{place} to come down: cut what stands beside it first")
 
 
-def _stock_under(work, cutter, place):
-    """(n,) heights that the tip keeps over the stock at a place (2,), the cone held against rings of it."""
-    tip, slope = (cutter.tip_diameter_mm or 0.0) / 2, fixed.tan(math.radians(cutter.point_angle_deg) / 2)
+def stock_under(work, cutter, places):
+    """(n, rings) heights that the tip keeps over the stock at places (n, 2), the cone held against rings of it."""
     radii = RINGS * cutter.radius_mm
-    stock = work.stock_mm((place + rings_of(radii)).reshape(-1, 2)).reshape(len(radii), -1).max(axis=1)
-    return stock - np.maximum(radii - tip, 0.0) / slope
+    around = (places[:, None] + rings_of(radii).reshape(-1, 2)).reshape(-1, 2)
+    stock = work.stock_mm(around).reshape(len(places), len(radii), -1).max(axis=2)
+    return stock - np.maximum(radii - cutter.point_flat_mm, 0.0) / cutter.cone_slope

@@ -617,14 +617,17 @@ class PlanningContext:
         most = {"stepdown_mm": cutter.flute_length_mm, "stepover_mm": cutter.radius_mm, "ramp_deg": STEEPEST_RAMP_DEG}[name]
         return None if value is None else min(value, most)
 
-    def stepdown_mm(self, tool):
-        """Of clearing with a tool: the operation's, else its preset's, else the material's share of its diameter."""
-        return (getattr(self.operation, "stepdown_mm", None) or self.of_preset("stepdown_mm", tool)
+    def stepdown_mm(self, tool, asked=None):
+        """Of clearing with a tool: the operation's, else its preset's, else the material's share of its diameter.
+
+        `asked`: a value that speaks in the operation's place.
+        """
+        return (getattr(asked or self.operation, "stepdown_mm", None) or self.of_preset("stepdown_mm", tool)
                 or self.material.stepdown_share * tool.cutter.diameter_mm)
 
-    def ramp_deg(self, tool):
-        """Of its way into stock: the operation's, else its preset's, else the shop's."""
-        return getattr(self.operation, "ramp_deg", None) or self.of_preset("ramp_deg", tool) or self.practice.ramp_deg
+    def ramp_deg(self, tool, asked=None):
+        """Of its way into stock: the operation's, else its preset's, else the shop's; `asked`: see `stepdown_mm`."""
+        return getattr(asked or self.operation, "ramp_deg", None) or self.of_preset("ramp_deg", tool) or self.practice.ramp_deg
 
     def _run_by(self, tool, rpm):
         """The Preset of a stage in which it runs at that speed, or None."""

@@ -156,14 +156,8 @@ def helical(work, tool, path, heights_mm, how, overs=()):
         work: PlanningContext of an operation with `ramp_deg`.   path: PlanChain of the cutter's middle.
         heights_mm: (top of the stock there, bottom).   how: (deepest turn, feed).   overs: tabs.Over, what it rises over.
     """
-    (top, low), (stepdown, feed) = heights_mm, how
-    ramp = math.radians(min(work.ramp_deg(tool), math.degrees(tool.cutter.steepest_rad)))
-    turn = min(stepdown, path.length_mm * float(fixed.tan(ramp)))
-    begin = path.elements[0].start
-    writer = MoveWriter((*begin, work.clearance_z_mm))
-    over = max(top, over_mm(work, begin, tool.cutter.radius_mm))
-    writer.rapid((*begin, min(over + work.practice.approach_mm, work.clearance_z_mm)))
-    writer.feed((*begin, top), work.practice.plunge_share * feed)
+    (top, low), (_, feed) = heights_mm, how
+    writer, turn = _begun_on_top(work, tool, path, top, how)
     if overs:
         turns = max(1, math.ceil((top - low) / turn - 1e-9))
         for high, z in pairwise([*np.linspace(top, low, turns + 1).tolist(), low]):
@@ -172,6 +166,17 @@ def helical(work, tool, path, heights_mm, how, overs=()):
         helix(writer, path, (top, low), turn, (feed, feed))
     writer.rapid((*writer.here_mm[:2], work.clearance_z_mm))
     return writer.moves()
+
+
+def _begun_on_top(work, tool, path, top, how):
+    """(MoveWriter that has come down onto the stock where a path begins, how far down it may go along the path)."""
+    (stepdown, feed), begin = how, path.elements[0].start
+    ramp = math.radians(min(work.ramp_deg(tool), math.degrees(tool.cutter.steepest_rad)))
+    writer = MoveWriter((*begin, work.clearance_z_mm))
+    over = max(top, over_mm(work, begin, tool.cutter.radius_mm)) + work.practice.approach_mm
+    writer.rapid((*begin, min(over, work.clearance_z_mm)))
+    writer.feed((*begin, top), work.practice.plunge_share * feed)
+    return writer, min(stepdown, path.length_mm * float(fixed.tan(ramp)))
 
 
 def _level_by_level(work, tool, path, heights_mm, how, overs):
@@ -189,14 +194,8 @@ def _level_by_level(work, tool, path, heights_mm, how, overs):
 
 def _to_and_fro(work, tool, path, heights_mm, how):
     """Moves to and fro along an open path, evenly down by a ramp, and once along it at the bottom; it begins on the stock's top."""
-    (top, low), (stepdown, feed) = heights_mm, how
-    ramp = math.radians(min(work.ramp_deg(tool), math.degrees(tool.cutter.steepest_rad)))
-    turn = min(stepdown, path.length_mm * float(fixed.tan(ramp)))
-    begin = path.elements[0].start
-    writer = MoveWriter((*begin, work.clearance_z_mm))
-    over = max(top, over_mm(work, begin, tool.cutter.radius_mm)) + work.practice.approach_mm
-    writer.rapid((*begin, min(over, work.clearance_z_mm)))
-    writer.feed((*begin, top), work.practice.plunge_share * feed)
+    (top, low), (_, feed) = heights_mm, how
+    writer, turn = _begun_on_top(work, tool, path, top, how)
     ways, count = (path.elements, path.reversed().elements), math.ceil((top - low) / turn - 1e-9)
     heights = [*np.linspace(top, low, count + 1).tolist(), low]
     for k, (high, z) in enumerate(pairwise(heights)):

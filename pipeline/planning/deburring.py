@@ -14,15 +14,17 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from cuspline.design.edge_breaks import EdgeBreak
-from cuspline.planning.chamfering import MARGIN_MM, RINGS, cone_mm
+from cuspline.planning.chamfering import MARGIN_MM, stock_under
 from cuspline.planning.context import path_tolerance_mm
-from cuspline.planning.contouring import CURVE_SHARE, HIGH_MM, STANDS_MM, STARTS, WITHIN_MM, rings_of
+from cuspline.planning.contouring import CURVE_SHARE, HIGH_MM, STANDS_MM, STARTS, WITHIN_MM
 from cuspline.planning.drilling import in_words
 from cuspline.program.program import Moves, MoveWriter
 from cuspline.toolpaths.prismatic.contour_moves import arc_leads, follow
 from cuspline.toolpaths.prismatic.plan_elements import PlanChain, chains_of, offset_chain
 from cuspline.toolpaths.prismatic.sharp_edges import LeftEdge, sharp_edges
+from cuspline.toolpaths.prismatic.tabs import stretch_of
 from cuspline.values import fixed_math as fixed
+from cuspline.values.arrays import runs_of
 from cuspline.values.errors import CutterDoesNotFit, PlanError
 
 EVEN_RAD = math.radians(45)         # a break of two equal legs
@@ -59,14 +61,14 @@ class Cone:
     @property
     def foot_mm(self):
         """Its radius at the break's lower edge."""
-        return cone_mm(self.tool.cutter, self.below_mm)
+        return self.tool.cutter.cone_radius_mm(self.below_mm)
 
     def discs(self):
         """[(radius, height over the tip, how much farther from the wall it is to be asked)]: what must pass, round the cone."""
         cutter, top = self.tool.cutter, self.below_mm + self.high_mm
         slices = [(low, high, 0.0) for part in (self.below_mm * UNDER, top + (cutter.point_height_mm - top) * OVER)
                   for low, high in pairwise(part.tolist())] + [(self.below_mm, top, self.wide_mm)]
-        return [(cone_mm(cutter, high) - WITHIN_MM, low, aside) for low, high, aside in slices]
+        return [(cutter.cone_radius_mm(high) - WITHIN_MM, low, aside) for low, high, aside in slices]
 
 
 def deburred(work):
@@ -127,7 +129,7 @@ def _best(work, chain, z):
 
 def _cones(operation, tool):
     """Cone values of a tool, the tip as far below as is wished, or less and less."""
-    slope = _slope(tool.cutter)
+    slope = tool.cutter.cone_slope
     wide, high = operation.width_mm * min(1.0, slope), operation.width_mm / max(1.0, slope)
     room, wish = tool.cutter.point_height_mm - high - WITHIN_MM, operation.tip_below_mm
     if room <= 0:
@@ -150,9 +152,11 @@ def _along(work, cone, chain, z):
         along = _lengths(path)
         free = _is_free(work, cone, path, along, tip)
     ways = []
-    for first, last in _runs(free):
+    for first, behind in runs_of(free):
+        last = behind - 1
         if along[last] - along[first] >= LEAST_MM:
-            part = path if free.all() else _part(path, float(along[first]), float(along[last]))
+            ends = float(along[first]), float(along[last])
+            part = path if free.all() else PlanChain(elements=stretch_of(path, *ends), is_closed=False)
             ways.append(BreakWay(path=part, middle=part.elements[0].start, tip_mm=tip, edge_mm=z,
                                  edge=_edge_of(part, cone.foot_mm)))
     return ways
@@ -176,34 +180,7 @@ def _is_free(work, cone, path, along, tip):
 
 def _is_cut_free(work, cone, places, tip):
     """(n,) bool: whether no stock stands within the cone but what it is to break, at places (n, 2)."""
-    cutter = cone.tool.cutter
-    radii = RINGS * cutter.radius_mm
-    around = rings_of(radii)
-    stock = work.stock_mm((places[:, None] + around.reshape(-1, 2)).reshape(-1, 2)).reshape(len(places), len(radii), -1).max(axis=2)
-    over = np.maximum(radii - (cutter.tip_diameter_mm or 0.0) / 2, 0.0) / _slope(cutter)
-    return (stock - over).max(axis=1) <= tip + cone.high_mm + STANDS_MM
-
-
-def _slope(cutter):
-    """Radius that a cone gains a mm of height."""
-    return float(fixed.tan(math.radians(cutter.point_angle_deg) / 2))
-
-
-def _runs(mask):
-    """[(first, last)] of runs of a mask."""
-    edges = np.flatnonzero(np.diff(np.r_[False, mask, False].astype(int)))
-    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2])]
-
-
-def _part(path, first_mm, last_mm):
-    """An open part of a chain."""
-    out, done = [], 0.0
-    for e in path.elements:
-        low, high = max(first_mm - done, 0.0), min(last_mm - done, e.length_mm)
-        if high - low > HIGH_MM:
-            out.append(e.between(low, high))
-        done += e.length_mm
-    return PlanChain(elements=tuple(out), is_closed=False)
+    return stock_under(work, cone.tool.cutter, places).max(axis=1) <= tip + cone.high_mm + STANDS_MM
 
 
 def _edge_of(path, foot_mm):
@@ -218,7 +195,7 @@ def _straight_down(work, cone, chain, z):
                                        fixed.length(e.center - first.center) < HIGH_MM for e in chain.elements)
     if not is_round:
         return []
-    below = (first.radius_mm - (cutter.tip_diameter_mm or 0.0) / 2) / _slope(cutter)
+    below = (first.radius_mm - cutter.point_flat_mm) / cutter.cone_slope
     deep = replace(cone, below_mm=below)
     if below <= 0 or below + cone.high_mm > cutter.point_height_mm:
         return []
@@ -235,8 +212,8 @@ def _straight_down(work, cone, chain, z):
 def _uncovered(edge, z, broken):
     """[LeftEdge] of runs of an edge's places (n, 2) that are far from those that are broken."""
     far = np.ones(len(edge), bool) if broken is None else cKDTree(broken).query(edge)[0] > BESIDE_MM
-    return [LeftEdge(place_mm=np.array([*edge[(a + b) // 2], z]), length_mm=LOOK_MM * (b - a + 1), why=BLOCKED)
-            for a, b in _runs(far)]
+    return [LeftEdge(place_mm=np.array([*edge[(a + b - 1) // 2], z]), length_mm=LOOK_MM * (b - a), why=BLOCKED)
+            for a, b in runs_of(far)]
 
 
 def _operation(work, cone, ways, places, number, left):
@@ -272,7 +249,7 @@ def _moves(work, cone, way, feed):
 def _with_leads(work, cone, way):
     """Elements from beside the edge and back, by arcs where the cone is clear there; else straight down onto the path."""
     cutter, path = cone.tool.cutter, way.path
-    wide = cone_mm(cutter, cone.below_mm + cone.high_mm) - cone_mm(cutter, 0.0) + MARGIN_MM
+    wide = (cone.below_mm + cone.high_mm) * cutter.cone_slope + MARGIN_MM
     radius = max(work.lead_radius_mm(cutter.radius_mm), wide)
     for along in path.starts_mm()[:STARTS] if path.is_closed else (0.0,):
         elements = path.begun_at(along).elements if path.is_closed else path.elements

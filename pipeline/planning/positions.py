@@ -76,7 +76,7 @@ def positions(solid, indices, library, *, ways=None, steepest_deg=60.0, standing
             the part, mm; None or (places, steepest_deg) of a second look at what these positions leave: directions CLOSER_DEG apart
             are tried for it until none adds LEAST_LEFT_MM2; `ways` are of Held then.
     Returns:
-        Positions; what is left is told by the last look.
+        Positions; what is left is that of the last look.
     Raises:
         CutterDoesNotFit: the library has no ball.
     """

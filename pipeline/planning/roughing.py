@@ -152,13 +152,13 @@ def cleared(work, stage, tool, candidates, stock, rows, asked):
     rpm, feed = work.speeds(tool, is_rough=stage.is_rough)
     d, is_ball = cutter.diameter_mm, cutter.type == "ball"
     radial = asked.stepover_mm or work.of_preset("stepover_mm", tool) or practice.radial_share * d
-    stepdown = asked.stepdown_mm or work.of_preset("stepdown_mm", tool) or work.material.stepdown_share * d
+    stepdown = work.stepdown_mm(tool, asked)
     rules = ClearingRules(
         mesh=_lowered(work.mesh, stage), radius_mm=d / 2, corner_radius_mm=0.0 if is_ball else cutter.corner_radius_mm,
         ridge_mm=cutter.corner_radius_mm,
         allowance_mm=stage.allowance_mm, stepdown_mm=stepdown, engagement_rad=engagement_of_rad(radial, d / 2),
         stock_mm=stock, stock_min_mm=work.stock_min_mm, stock_max_mm=work.stock_max_mm,
-        ramp_rad=math.radians(asked.ramp_deg or work.of_preset("ramp_deg", tool) or practice.ramp_deg),
+        ramp_rad=math.radians(work.ramp_deg(tool, asked)),
         clearance_z_mm=work.clearance_z_mm, feed_mm_per_min=feed, ramp_feed_mm_per_min=practice.plunge_share * feed,
         rapid_mm_per_min=min(a.rapid_mm_per_min for a in work.machine.axes), threshold_mm=stage.threshold_mm,
         lift_s=_stops_s(work.machine) if stage.counts_stops else 0.0,

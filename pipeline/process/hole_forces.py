@@ -96,7 +96,7 @@ def drilled_diameter_mm(cutter, way_mm):
     """How wide a drill cuts at the end of a way; a spot drill no wider than its point is there."""
     if cutter.type != "spot_drill":
         return cutter.diameter_mm
-    return min(cutter.diameter_mm, 2 * way_mm * float(fixed.tan(np.radians(cutter.point_angle_deg) / 2)))
+    return min(cutter.diameter_mm, 2 * way_mm * cutter.cone_slope)
 
 
 def drill_load(cutter, diameter_mm, before_mm, feed_mm_per_turn, force_n_per_mm2):

@@ -255,7 +255,21 @@ class Cutter(Model):
         """Height of the cone at the tip; 0 of cutters without one."""
         if self.type not in POINTED:
             return 0.0
-        return (self.radius_mm - (self.tip_diameter_mm or 0.0) / 2) / float(fixed.tan(np.radians(self.point_angle_deg) / 2))
+        return (self.radius_mm - self.point_flat_mm) / self.cone_slope
+
+    @property
+    def point_flat_mm(self):
+        """Radius of the flat at the point of a pointed cutter; 0 where it is sharp."""
+        return (self.tip_diameter_mm or 0.0) / 2
+
+    @property
+    def cone_slope(self):
+        """By how much the cone of a pointed cutter is wider, in radius, a mm higher."""
+        return float(fixed.tan(np.radians(self.point_angle_deg) / 2))
+
+    def cone_radius_mm(self, high_mm):
+        """Of the cone of a pointed cutter, so high above its tip; it goes on beyond the point's height."""
+        return self.point_flat_mm + high_mm * self.cone_slope
 
     def groove_width_mm(self, depth_mm):
         """Width, in a level face, of the groove of a ball or a pointed cutter; None: its point is less high, or it has none."""
@@ -263,7 +277,7 @@ class Cutter(Model):
             return 2 * math.sqrt(depth_mm * (2 * self.radius_mm - depth_mm)) if depth_mm <= self.radius_mm else None
         if self.type not in POINTED or depth_mm > self.point_height_mm:
             return None
-        return (self.tip_diameter_mm or 0.0) + 2 * depth_mm * float(fixed.tan(np.radians(self.point_angle_deg) / 2))
+        return 2 * self.cone_radius_mm(depth_mm)
 
     @property
     def apt(self):

@@ -200,7 +200,7 @@ class Control(Sparse):
         default={}, description="the machine's own M-codes of each coolant; left out: M7 is mist, M8 flood, and there is no other")
 
     @property
-    def is_turned_at_tip(self):
+    def changes_speed_at_tip(self):
         """Whether the speed of the spindle changes under its tip control; Klartext's TOOL CALL S ends FUNCTION TCPM."""
         return self.tip_control != "TCPM"
 

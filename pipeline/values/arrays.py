@@ -25,6 +25,16 @@ def frozen(array, shape, name, dtype=np.float64, is_handed_over=False):
     return copy
 
 
+def runs_of(mask):
+    """[(first, behind the last)] of the runs of true values of (n,) bool.
+
+    >>> runs_of(np.array([True, True, False, True]))
+    [(0, 2), (3, 4)]
+    """
+    edges = np.flatnonzero(np.diff(np.r_[False, mask, False].astype(int))).tolist()
+    return list(zip(edges[::2], edges[1::2]))
+
+
 def for_kernel(array, dtype=np.float64):
     """The array as kernels are handed it: contiguous and writable, a copy where it is not.
 

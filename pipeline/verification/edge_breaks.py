@@ -16,7 +16,6 @@ from cuspline.program.arcs import Arc
 from cuspline.program.program import Kind
 from cuspline.replay.replay_checks import Reporter
 from cuspline.surfaces.sampling import samples_of_faces
-from cuspline.values import fixed_math as fixed
 from cuspline.values.findings import Finding
 from cuspline.verification.engraving import rows_of
 from cuspline.verification.reporter import rounded
@@ -37,17 +36,13 @@ class _Cut:
     tips: np.ndarray            # (n, 3), one a place in plan, the lowest
     rows: np.ndarray            # (n,) of the posted moves
 
-    @property
-    def slope(self):
-        return float(fixed.tan(math.radians(self.cutter.point_angle_deg) / 2))
-
     def sunk_mm(self, points):
         """((n,) how far inside the cone points (n, 3) come, square to its axis; below 0 outside, (n,) place of the tips)."""
         count = min(NEAREST, len(self.tips))
         away, near = cKDTree(self.tips[:, :2]).query(points[:, :2], k=count)
         away, near = away.reshape(len(points), -1), near.reshape(len(points), -1)
         high = points[:, 2, None] - self.tips[near, 2]
-        radius = np.minimum((self.cutter.tip_diameter_mm or 0.0) / 2 + high * self.slope, self.cutter.radius_mm)
+        radius = np.minimum(self.cutter.cone_radius_mm(high), self.cutter.radius_mm)
         sunk = np.where((high >= 0) & (high <= self.cutter.flute_length_mm), radius - away, -np.inf)
         best = sunk.argmax(axis=1)
         rows = np.arange(len(points))
@@ -110,7 +105,7 @@ def _judged(posted, setup, one, cuts, report):
     legs, row = np.full(len(edge), -np.inf), np.full(len(edge), -1)
     for cut in cuts:
         sunk, near = cut.sunk_mm(edge)
-        leg = np.maximum(sunk, 0.0) * max(1.0, 1.0 / cut.slope)
+        leg = np.maximum(sunk, 0.0) * max(1.0, 1.0 / cut.cutter.cone_slope)
         better = leg > legs
         legs, row = np.where(better, leg, legs), np.where(better, cut.rows[near], row)
     legs = np.maximum(legs, 0.0)
@@ -152,7 +147,7 @@ def _beside(setup, one, cuts, samples, report, gouge_mm):
         if not len(mine):
             continue
         sunk, place = cut.sunk_mm(mine)
-        deep = sunk / math.sqrt(1.0 + cut.slope ** 2)
+        deep = sunk / math.sqrt(1.0 + cut.cutter.cone_slope ** 2)
         flat = mine[:, 2] - cut.tips[place, 2]              # straight down it may be nearer out
         deep = np.where(np.isfinite(sunk), np.minimum(deep, np.maximum(flat, 0.0)), -np.inf)
         k = int(deep.argmax())

@@ -19,6 +19,7 @@ NEEDED = {"200": COMMON | {"Q202", "Q210", "Q395"}, "201": COMMON | {"Q208"},
 MOST_STROKES = 10_000
 EVEN = 1e-9
 BELOW_MM = 1e-6             # that is rounding
+RAPID = 99999               # of Q208: what FMAX comes to
 
 
 def checked(cycle, q):
@@ -70,12 +71,9 @@ def drilled(cycle, q, here_z):
         way += [(("g", 0.0), ("z", z + q["Q256"]))] if cycle == "203" else [(("g", 0.0), ("z", begin)),
                                                                            (("g", 0.0), ("z", z + q["Q200"]))]
     way += [(("g", 1.0), ("z", bottom), feed), *stands]
-    if cycle == "203" and q["Q208"] < _RAPID:
+    if cycle == "203" and q["Q208"] < RAPID:
         way += [(("g", 1.0), ("z", begin), ("f", q["Q208"] or q["Q206"]))]
     return [*way, *_left(q, begin)]
-
-
-_RAPID = 99999              # of Q208: what FMAX comes to
 
 
 def _left(q, begin):

@@ -39,13 +39,11 @@ class DrilledMoves(PlainMoves):
 
     def _called(self, writer, cycle, dialect):
         """Over the hole, and the control's own call of its cycle there; whether it has one."""
-        if not dialect.has_drilling:
+        if not dialect.drills(cycle):
             return False
         feeds = cycle.first + (self.moves.kind[cycle.first:cycle.end] == Kind.RAPID).argmin()
         starts = np.vstack([self.start_mm, self.moves.end_mm])
         over = [k for k in range(cycle.first, int(feeds)) if (starts[k, :2] != self.moves.end_mm[k, :2]).any()]
-        if not dialect.drills(cycle):
-            return False
         if over:
             super().write(writer, over[0], over[-1] + 1, dialect)
         end_mm = self.moves.end_mm[cycle.end - 1]

@@ -430,7 +430,7 @@ class _Files:
                                 f'which joints need: write tip_control = "{self.dialect.tip_controls[0]}" into the machine file')
             return SolvedMoves(operation, self.machine)
         share, control = self.dialect.tip_blend_share, self.machine.control
-        if operation.rpm_changes and not control.is_turned_at_tip:
+        if operation.rpm_changes and not control.changes_speed_at_tip:
             raise PostError(f"operation {operation.name}: the speed of the spindle changes among its moves, which does not go "
                             f"with {control.tip_control}: give it one speed")
         return TipMoves(operation, self.machine, self.dialect.states_times, share and share * control.path_tolerance_mm)

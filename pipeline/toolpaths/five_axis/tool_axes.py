@@ -145,8 +145,7 @@ class FastestAxis(ToolAxis):
     def pole(self):
         return self.leading(self.leads_deg[0]).pole()
 
-    def seen_from(self, frame):
-        return self if self.toward is None else self.model_copy(update={"toward": _turned(frame, self.toward)})
+    seen_from = LeadTilt.seen_from
 
 
 class FixedAxis(ToolAxis):

@@ -4,6 +4,7 @@ import numpy as np
 
 from cuspline.toolpaths.freeform.plane_curves import CurveScale, PlaneCurve
 from cuspline.toolpaths.freeform.tip_paths import TipPath
+from cuspline.values.arrays import runs_of
 
 SHORTEST_SHARE = 0.5        # of the spacing: shorter runs are left out
 
@@ -43,9 +44,8 @@ def _paths_of(tips, wanted, corner, is_closed, curve, shortest_mm):
     if is_closed:               # its last station is its first: begin behind an unwanted one
         first = int(np.argmin(wanted[:-1]))
         tips, wanted, corner = (np.concatenate([a[first:-1], a[:first + 1]]) for a in (tips, wanted, corner))
-    edges = np.flatnonzero(np.diff(np.r_[False, wanted, False].astype(int)))
     paths = []
-    for low, high in zip(edges[::2], edges[1::2]):
+    for low, high in runs_of(wanted):
         keep = corner[low:high].copy()
         keep[[0, -1]] = True
         path = TipPath(tips_mm=tips[low:high][keep], is_closed=False, curve=curve)

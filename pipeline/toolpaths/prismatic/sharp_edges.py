@@ -16,14 +16,13 @@ from OCP.gp import gp_Pnt, gp_Vec
 
 from cuspline.surfaces.inner_corners import edge_pairs, edge_sines, normal_on_edge
 from cuspline.toolpaths.prismatic.plan_elements import PlanElement
-from cuspline.toolpaths.sections.arcfit import fit_arcs
+from cuspline.toolpaths.prismatic.upright_walls import fitted_elements
 from cuspline.values import fixed_math as fixed
 
 SHARP_RAD = math.radians(50)    # of the turn; less is what a chamfer leaves, which eases the edge already
 FLAT = 1e-6                     # of unit normals that are level or upright
 FULL_RAD = 1e-9
 SAMPLES = 400                   # of a general curve
-LARGEST_RADIUS_MM = 1e4         # of its arcs; flatter ones are lines
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -124,6 +123,4 @@ def _fitted(curve, ends, is_ahead, tolerance_mm):
         points[k], ways[k] = (p.X(), p.Y()), (d.X(), d.Y())
     if not is_ahead:
         points, ways = points[::-1], -ways[::-1]
-    headings = np.unwrap(fixed.arctan2(ways[:, 1], ways[:, 0]))
-    found = fit_arcs(points, headings, tolerance_mm, LARGEST_RADIUS_MM)
-    return [PlanElement(start=e.start, end=e.end, center=e.center, is_left=e.is_left) for e in found]
+    return fitted_elements(points, ways, tolerance_mm)

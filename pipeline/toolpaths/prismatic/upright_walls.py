@@ -147,6 +147,11 @@ def _fitted(face, ruled, tolerance_mm):
     nearest = int(((points - middle.point_mm[0, :2]) ** 2).sum(axis=1).argmin())
     if _cross(ways[nearest], middle.normal[0, :2]) < 0:         # the air is on the left
         points, ways = points[::-1], -ways[::-1]
+    return fitted_elements(points, ways, tolerance_mm)
+
+
+def fitted_elements(points, ways, tolerance_mm):
+    """[PlanElement] tangent to one another along places (n, 2) of a curve and its ways there (n, 2), any length."""
     headings = np.unwrap(fixed.arctan2(ways[:, 1], ways[:, 0]))
     found = fit_arcs(points, headings, tolerance_mm, LARGEST_RADIUS_MM)
     return [PlanElement(start=e.start, end=e.end, center=e.center, is_left=e.is_left) for e in found]

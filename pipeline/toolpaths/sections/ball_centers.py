@@ -29,6 +29,7 @@ from cuspline.toolpaths.sections.section_pieces import (
     half_circle,
 )
 from cuspline.values import fixed_math as fixed
+from cuspline.values.arrays import runs_of
 
 GRID = 140                  # parameter grid that finds the contours; Newton makes them exact
 BESIDE_MM = 1e-7
@@ -177,7 +178,7 @@ class CenterSections:
             line = _halved(line)
             u, v = self._onto_contour(surface, line[:, 1].copy(), line[:, 0].copy(), across)
             walls += self._walls_of(surface, u, v)
-            for first, last in _true_runs(self._carries(surface, u, v)):
+            for first, last in runs_of(self._carries(surface, u, v)):
                 run_u, run_v = self._to_the_border(surface, u, v, first, last, across)
                 pieces += self._curve_of(surface, run_u, run_v, across)
         return pieces
@@ -188,7 +189,7 @@ class CenterSections:
         normals = self.plane.flat(shape.normal)
         centers = self.plane.flat(shape.point_mm) + self.radius_mm * normals
         walls = []
-        for first, last in _true_runs(np.abs(normals[:, 1]) <= STEEP):
+        for first, last in runs_of(np.abs(normals[:, 1]) <= STEEP):
             along = centers[first:last, 0]
             if np.ptp(along) < WALL_MM and np.ptp(centers[first:last, 1]) > WALL_MM:
                 walls.append(Wall(along=float(along.mean()), low=centers[first:last, 1].min(),
@@ -286,7 +287,7 @@ class CenterSections:
         meets = (np.minimum(share[:-1], share[1:]) < 1.0) & (np.maximum(share[:-1], share[1:]) > -1.0)
         at = lambda t: float(edge.frames(np.array([t])).share(across, self.radius_mm)[0])
         ranges = []
-        for first, last in _true_runs(meets):
+        for first, last in runs_of(meets):
             k = first + int(np.abs(share[first:last + 1]).argmin())
             inside = edge.parameters[k]
             if abs(share[k]) > 1.0:     # the range lies between two samples: start from share = 0
@@ -362,7 +363,7 @@ def _homogeneous(edge):
 def _steepless(centers, normals, owner, rank=2):
     """Curve pieces of a sampled run, without what is so steep that only a wall can hold the ball there."""
     pieces = []
-    for first, last in _true_runs(normals[:, 1] > STEEP * np.linalg.norm(normals, axis=1)):
+    for first, last in runs_of(normals[:, 1] > STEEP * np.linalg.norm(normals, axis=1)):
         pieces += curve_pieces(centers[first:last], normals[first:last], owner, rank)
     return pieces
 
@@ -372,9 +373,3 @@ def _halved(line):
     out = np.empty((2 * len(line) - 1, line.shape[1]))
     out[::2], out[1::2] = line, (line[1:] + line[:-1]) / 2
     return out
-
-
-def _true_runs(flags):
-    """(first, last) index ranges of consecutive true values."""
-    edges = np.flatnonzero(np.diff(np.r_[False, flags, False].astype(int)))
-    return list(zip(edges[::2], edges[1::2]))

@@ -16,7 +16,7 @@ from cuspline.toolpaths.sections.profile_passes import planes_across
 from cuspline.toolpaths.sections.regions import grouped
 from cuspline.toolpaths.sections.section_pieces import CurvePiece, LinePiece
 from cuspline.values import fixed_math as fixed
-from cuspline.values.arrays import frozen
+from cuspline.values.arrays import frozen, runs_of
 from cuspline.values.errors import ToolpathError
 
 HELD_OFF_MM = 5e-4          # the larger ball stays further away than this: not reached
@@ -142,13 +142,11 @@ def _widened_runs(left, centers):
     apart[apart > 2 * SAMPLE_MM] = 1e6      # pieces between that are not wanted: never bridged
     way = np.r_[0.0, np.cumsum(apart)]
     wide = np.zeros(len(left), bool)
-    edges = np.flatnonzero(np.diff(np.r_[False, left, False].astype(int)))
-    for first, last in zip(edges[::2], edges[1::2]):
-        wide |= (way >= way[first] - OVERLAP_MM) & (way <= way[last - 1] + OVERLAP_MM)
-    edges = np.flatnonzero(np.diff(np.r_[False, wide, False].astype(int)))
+    for first, behind in runs_of(left):
+        wide |= (way >= way[first] - OVERLAP_MM) & (way <= way[behind - 1] + OVERLAP_MM)
     gaps = np.flatnonzero(apart > 1e5) + 1
     runs = []
-    for a, b in zip(edges[::2], edges[1::2]):
+    for a, b in runs_of(wide):
         cuts = np.r_[a, gaps[(gaps > a) & (gaps < b)], b]
         runs += [(c, d) for c, d in zip(cuts[:-1], cuts[1:]) if d - c > 1]
     return runs
