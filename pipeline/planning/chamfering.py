@@ -11,12 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cuspline.planning.contouring import HIGH_MM, STANDS_MM, STARTS, WITHIN_MM, rings_of
+from cuspline.planning.contouring import HIGH_MM, SPOKES, STANDS_MM, STARTS, WITHIN_MM
 from cuspline.planning.drilling import in_words
 from cuspline.program.program import Moves, MoveWriter
 from cuspline.toolpaths.prismatic.chamfer_edges import chamfer_edges
 from cuspline.toolpaths.prismatic.contour_moves import arc_leads, follow, lengthened
 from cuspline.toolpaths.prismatic.plan_elements import PlanChain, chains_of, offset_chain
+from cuspline.values.circles import rings_of
 from cuspline.values.errors import CamError, CutterDoesNotFit, PlanError
 
 SAME_RAD = math.radians(0.01)       # of the face's angle and the cutter's: 1 um on a chamfer of 6 mm
@@ -223,6 +224,6 @@ def _leads(work, way):
 def stock_under(work, cutter, places):
     """(n, rings) heights that the tip keeps over the stock at places (n, 2), the cone held against rings of it."""
     radii = RINGS * cutter.radius_mm
-    around = (places[:, None] + rings_of(radii).reshape(-1, 2)).reshape(-1, 2)
+    around = (places[:, None] + rings_of(radii, SPOKES).reshape(-1, 2)).reshape(-1, 2)
     stock = work.stock_mm(around).reshape(len(places), len(radii), -1).max(axis=2)
     return stock - np.maximum(radii - cutter.point_flat_mm, 0.0) / cutter.cone_slope

@@ -46,6 +46,7 @@ from cuspline.toolpaths.five_axis.leaning_moves import upright_again
 from cuspline.toolpaths.five_axis.tool_axes import ClearingAxis, FastestAxis, LeadTilt, ToolAxis
 from cuspline.toolpaths.roughing.stock_fields import lines_of_moves, swept_by_lines
 from cuspline.values import fixed_math as fixed
+from cuspline.values.circles import rings_of
 from cuspline.values.errors import CutterDoesNotFit, PlanError, ToolpathError
 from cuspline.values.known import Known
 
@@ -55,7 +56,7 @@ FAR_MM = 1000.0             # beyond any stock
 ROUNDING_MM = 1e-4          # kept back from the tolerances for the post's decimals
 LOOK_SHARE, MOST_LOOKS = 0.2, 250       # of the radius between places at which the standing stock is looked up
 DONE_RAY = 5.0              # times the cusp: farther it is not asked how much stands
-ROUND_PLACES, ROUND_SHARES = 16, (0.25, 0.5, 0.75, 1.0)      # round a place, where the standing stock is looked up
+ROUND_PLACES, ROUND_SHARES = 16, np.array([0.25, 0.5, 0.75, 1.0])      # round a place, where the standing stock is looked up
 THIN_MM = 0.05              # of the needle that finds the part
 STEEP_DEG = 65.0            # clean-up passes of a setup with several operations: walls beyond get waterlines
 NEAR_RADII = 3.0            # of a cutter round the faces that a position cuts: what it may touch
@@ -524,9 +525,7 @@ class PlanningContext:
 
     def standing_round_mm(self, places_mm, reach_mm):
         """The most that stands over the part, straight up, so far round places (n, 2): (n,) mm."""
-        turn = np.linspace(0.0, 2 * np.pi, ROUND_PLACES, endpoint=False)
-        ring = np.column_stack([fixed.cos(turn), fixed.sin(turn)])
-        off = np.vstack([np.zeros((1, 2)), *(share * reach_mm * ring for share in ROUND_SHARES)])
+        off = np.vstack([np.zeros((1, 2)), rings_of(reach_mm * ROUND_SHARES, ROUND_PLACES).reshape(-1, 2)])
         xy = (places_mm[:, None] + off).reshape(-1, 2)
         stock, part = self.stock_mm(xy), drop_tips_mm(self.mesh, xy, THIN_MM, THIN_MM)
         there = np.isfinite(part) & np.isfinite(stock)

@@ -21,6 +21,7 @@ from cuspline.toolpaths.prismatic.plan_elements import PlanChain, PlanElement, c
 from cuspline.toolpaths.prismatic.tabs import follow_over
 from cuspline.toolpaths.prismatic.upright_walls import upright_walls
 from cuspline.values import fixed_math as fixed
+from cuspline.values.circles import rings_of
 from cuspline.values.errors import CutterDoesNotFit, PlanError
 
 CURVE_SHARE = 0.4           # of the path tolerance, that arcs along general curves take
@@ -401,7 +402,7 @@ def _is_free(work, tool, leads, low_mm):
 
 def stock_over(work, xy_mm, radius_mm):
     """(n,) height of the stock under a cutter at places (n, 2)."""
-    places = xy_mm[:, None] + rings_of(RINGS * radius_mm).reshape(1, -1, 2)
+    places = xy_mm[:, None] + rings_of(RINGS * radius_mm, SPOKES).reshape(1, -1, 2)
     return work.stock_mm(places.reshape(-1, 2)).reshape(len(xy_mm), -1).max(axis=1)
 
 
@@ -409,12 +410,6 @@ def over_mm(work, xy_mm, radius_mm):
     """Height of what stands under a whole cutter at a place (2,), its rim and slivers beside it included."""
     out = np.concatenate([RINGS * radius_mm, np.linspace(RINGS[-1] * radius_mm, radius_mm + RIM_MM, RIM_RINGS)])
     return float(work.stock_mm(xy_mm + rings_of(out, RIM_SPOKES).reshape(-1, 2)).max())
-
-
-def rings_of(radii_mm, spokes=SPOKES):
-    """(rings, spokes, 2) places all round on rings of radii (rings,)."""
-    turn = 2 * math.pi * np.arange(spokes) / spokes
-    return radii_mm[:, None, None] * np.column_stack([fixed.cos(turn), fixed.sin(turn)])
 
 
 def _blocked(work, tool, path, low_mm):

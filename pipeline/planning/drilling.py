@@ -19,6 +19,7 @@ from cuspline.program.drilling import PECKS, DrillCycle, drilled, shortest_way
 from cuspline.surfaces.holes import PARALLEL, ends_on_level, holes_of
 from cuspline.toolpaths.drop.dropcutter import drop_tips_mm
 from cuspline.values import fixed_math as fixed
+from cuspline.values.circles import rings_of
 from cuspline.values.errors import CamError, CutterDoesNotFit, PlanError
 
 DEEP = 3.0                  # diameters: a deeper hole is pecked
@@ -369,9 +370,7 @@ def retract_mm(work, bore, tool):
 
 def stock_over(work, bore, radius_mm):
     """(n,) heights of the stock under a drill over its hole."""
-    turn = 2 * math.pi * np.arange(SPOKES) / SPOKES
-    rings = (RINGS * radius_mm)[:, None, None] * np.column_stack([fixed.cos(turn), fixed.sin(turn)])
-    return work.stock_mm(np.array(bore.xy_mm) + rings.reshape(-1, 2))
+    return work.stock_mm(np.array(bore.xy_mm) + rings_of(RINGS * radius_mm, SPOKES).reshape(-1, 2))
 
 
 def _cycle(work, bore, tool, tip_mm, retract_z_mm, rpm, feed):

@@ -20,6 +20,7 @@ from cuspline.toolpaths.freeform.tip_field import TipField
 from cuspline.toolpaths.freeform.tip_merging import merged_rows
 from cuspline.toolpaths.freeform.tip_sampling import dense_tips, quarter_length_mm
 from cuspline.values import fixed_math as fixed
+from cuspline.values.circles import rings_of
 from cuspline.values.errors import ToolpathError
 
 LEAD_ANGLE_RAD = math.radians(60)
@@ -29,7 +30,7 @@ OUTSIDE_RADII = 1.0         # ways this short may leave the region: round a hole
 MARGIN_MM = 0.1             # above what earlier operations left
 LEVEL_MM = 1e-9
 MOST_FOLDS = 40             # of a ramp to and fro
-UNDER, UNDER_SHARES = 16, (0.17, 0.33, 0.5)     # places on circles of these shares of its radius: what is under a cutter's middle
+UNDER, UNDER_SHARES = 16, np.array([0.17, 0.33, 0.5])     # places on circles of these shares of its radius: under a cutter's middle
 RAMP_SHARE = 0.9            # of the steepest way into stock that the cutter stands
 
 
@@ -256,9 +257,7 @@ def _ramped(tips_mm, standing_mm, slope, otherwise):
 
 def _under_mm(tips_mm, rules):
     """(n,) by which what stands under the middle of a cutter, half as wide as it is, rises above its tips (n, 3)."""
-    angle = np.linspace(0.0, 2.0 * math.pi, UNDER, endpoint=False)
-    circle = np.column_stack([fixed.cos(angle), fixed.sin(angle)])
-    spots = np.vstack([(0.0, 0.0), *(share * rules.field.dropper.radius_mm * circle for share in UNDER_SHARES)])
+    spots = np.vstack([np.zeros((1, 2)), rings_of(rules.field.dropper.radius_mm * UNDER_SHARES, UNDER).reshape(-1, 2)])
     there = (tips_mm[:, None, :2] + spots).reshape(-1, 2)
     return rules.heights(there).reshape(len(tips_mm), -1).max(axis=1) - tips_mm[:, 2]
 
