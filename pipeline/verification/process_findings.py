@@ -14,6 +14,8 @@ from cuspline.program.program import Kind
 from cuspline.values.amounts import counted
 from cuspline.values.findings import Finding
 
+NAME, MOST = 2, 3          # of a row of forces.limits_of: field that it limits, by how much
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Process:
@@ -57,21 +59,16 @@ def limit_findings(posted, tools, machine, met, loads, around):
     """
     if loads is None:
         return ()
-    found, (setup, frame) = [], around
-    operations = posted.operation[met.row]
+    found, operations = [], posted.operation[met.row]
     for number, tool in tools.items():
-        for what, unit, name, limit, where in limits_of(machine, tool):
+        for limit in limits_of(machine, tool):
             for operation in np.unique(operations[posted.tool[met.row] == number]).tolist():
                 mine = np.flatnonzero((operations == operation) & (posted.tool[met.row] == number))
-                worst = mine[getattr(loads, name)[mine].argmax()]
-                amount, row = float(getattr(loads, name)[worst]), int(met.row[worst])
-                if amount > limit:
-                    found.append(Finding(
-                        kind="process_limit", amount_mm=0.0, amount=round(amount, 3), unit=unit, row=row, setup=setup,
-                        place_mm=tuple(round(float(v), 6) for v in frame.out(met.tip_mm[worst][None])[0]),
-                        operation=posted.operation_name(row), line=int(posted.line[row]),
-                        advice=f"{what} up to {amount:.4g} {unit}, where {where} states {limit:g} {unit}: take a smaller stepdown, "
-                               "stepover or feed per tooth"))
+                of_cut = getattr(loads, limit[NAME])
+                worst = mine[of_cut[mine].argmax()]
+                if of_cut[worst] > limit[MOST]:
+                    found.append(_beyond(limit, float(of_cut[worst]), posted, int(met.row[worst]), met.tip_mm[worst], around,
+                                         "take a smaller stepdown, stepover or feed per tooth"))
     return tuple(found)
 
 
@@ -81,18 +78,23 @@ def hole_findings(posted, tools, machine, holes, around):
     Args:
         tools: {number: Tool} as they are.   holes: hole_forces.HoleLoad.   around: (setup's name, its frame).
     """
-    found, (setup, frame) = [], around
+    found = []
     for load in holes:
-        for what, unit, name, limit, where in limits_of(machine, tools[load.tool]):
-            amount = getattr(load, name, None)
-            if amount is None or amount <= limit:
-                continue
-            found.append(Finding(
-                kind="process_limit", amount_mm=0.0, amount=round(amount, 3), unit=unit, row=load.row, setup=setup,
-                place_mm=tuple(round(float(v), 6) for v in frame.out(posted.end_mm[load.row][None])[0]), operation=load.name,
-                line=int(posted.line[load.row]), advice=f"{what} up to {amount:.4g} {unit}, where {where} states {limit:g} {unit}: "
-                + ("mill the thread" if load.does == "tap" else "take a lower feed, or drill a smaller hole first")))
+        for limit in limits_of(machine, tools[load.tool]):
+            amount = getattr(load, limit[NAME], None)
+            if amount is not None and amount > limit[MOST]:
+                found.append(_beyond(limit, amount, posted, load.row, posted.end_mm[load.row], around, "mill the thread"
+                                     if load.does == "tap" else "take a lower feed, or drill a smaller hole first"))
     return tuple(found)
+
+
+def _beyond(limit, amount, posted, row, place_mm, around, advice):
+    """The Finding about a limit, a row of forces.limits_of, that a move goes beyond at a place (3,) in its setup."""
+    (what, unit, _, most, where), (setup, frame) = limit, around
+    return Finding(
+        kind="process_limit", amount_mm=0.0, amount=round(amount, 3), unit=unit, row=row, setup=setup,
+        place_mm=tuple(round(float(v), 6) for v in frame.out(place_mm[None])[0]), operation=posted.operation_name(row),
+        line=int(posted.line[row]), advice=f"{what} up to {amount:.4g} {unit}, where {where} states {most:g} {unit}: {advice}")
 
 
 def chatter_findings(posted, tools, met, material, around):
