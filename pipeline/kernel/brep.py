@@ -4,9 +4,12 @@ Shapes come in as CadQuery or build123d objects or bare TopoDS shapes and are us
 """
 
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
+from hashlib import sha256
+from io import BytesIO
 
 import numpy as np
+from OCP.BinTools import BinTools, BinTools_FormatVersion
 from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Curve2d, BRepAdaptor_Surface
 from OCP.BRepBuilderAPI import BRepBuilderAPI_NurbsConvert, BRepBuilderAPI_Transform
@@ -244,10 +247,7 @@ class Face:
     @cached_property
     def nurbs_face(self):
         """The same face on a B-spline surface; trim tests for `nurbs` parameters use this one."""
-        if _is_plain_spline(self.shape):
-            return self.shape
-        shape = BRepBuilderAPI_NurbsConvert(self.shape, True).Shape()
-        return TopoDS.Face_s(explore(shape, TopAbs_FACE)[0])
+        return self.shape if _is_plain_spline(self.shape) else _converted(_Described.of(self.shape))
 
     @cached_property
     def _classifier(self):
@@ -274,6 +274,27 @@ class Face:
         properties = GProp_GProps()
         BRepGProp.SurfaceProperties_s(self.shape, properties, 1e-6)
         return properties.Mass()
+
+
+@dataclass(frozen=True)
+class _Described:
+    """A face by all that the kernel keeps of it, bit for bit: one read from a file once more is the same."""
+
+    checksum: bytes
+    shape: TopoDS_Shape = field(compare=False)
+
+    @classmethod
+    def of(cls, shape):
+        kept = BytesIO()
+        BinTools.Write_s(shape, kept, False, False, BinTools_FormatVersion.BinTools_FormatVersion_CURRENT)
+        return cls(sha256(kept.getvalue()).digest(), shape)
+
+
+@lru_cache(maxsize=1024)
+def _converted(face):
+    """The face on a B-spline surface: its borders are approximated anew, which takes long where it is round."""
+    shape = BRepBuilderAPI_NurbsConvert(face.shape, True).Shape()
+    return TopoDS.Face_s(explore(shape, TopAbs_FACE)[0])
 
 
 def _is_plain_spline(face):

@@ -21,7 +21,8 @@ ORDERS = "step-up", "uphill"
 MOST_TIME = 1.1             # times as long as laid
 WORTH = 0.01                # of the way, by which the tip must cut less
 FEW = 4                     # passes: with fewer there is no order to speak of
-LOOK = Look(most_places=1200, screened=4)   # rings as close as the verdict's: thin finishing cuts lie between coarser ones
+LOOK = Look(most_places=1200, screened=4, only_tip=True)
+# rings as close as the verdict's: thin finishing cuts lie between coarser ones
 
 
 def other_orders(work, made, runs, link):

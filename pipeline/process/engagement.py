@@ -77,6 +77,7 @@ class Look:
     ring_rad: float = math.radians(10.0)    # between rings on a round edge
     ring_share: float = 1 / 6       # of the radius, between rings on a straight one
     round_rad: float = math.radians(6.0)    # the shortest step along a ring
+    only_tip: bool = False          # only whether the tip is in the cut: nothing above the lowest place in the cut is looked at
 
     @classmethod
     def finer(cls, by):
@@ -174,7 +175,8 @@ def _seen(places, cut, edges, found, look):
     for number, (parts, ring) in edges.items():
         mine = np.flatnonzero(cut.tool[places.piece] == number)
         some, ways = np.full((len(mine), len(ring), RING), np.nan), np.full((len(mine), 4), np.nan)
-        in_blocks(_looked_at, len(mine), CHUNK, *places.of_rows(mine), cut.world, found, (parts, ring), look.round_rad, some, ways)
+        in_blocks(_looked_at, len(mine), CHUNK, *places.of_rows(mine), cut.world, found, (parts, ring), look.round_rad,
+                  look.only_tip, some, ways)
         arcs[mine, :len(ring)], out[mine] = some, ways
         radii[mine] = _radii(parts, ways[:, :WIDEST])
     return arcs, out, radii
@@ -408,8 +410,8 @@ def _heights(places, cut, edges, along):
 
 
 @njit
-def _looked_at(state, before, behind, trees, world, found, edge, shortest, arcs, ways, first, last):
-    """Fills in arcs (n, rings, RING) and ways (n, 4) of places first..last-1."""
+def _looked_at(state, before, behind, trees, world, found, edge, shortest, only_tip, arcs, ways, first, last):
+    """Fills in arcs (n, rings, RING) and ways (n, 4) of places first..last-1; see `Look.only_tip`."""
     (stack, bounds), waiting = tree.work(), np.empty((WAITING, 6))
     parts, rings = edge
     place, arc, was, everywhere = np.empty(4), np.empty(RING), np.zeros(RING), np.array([-math.pi, math.pi])
@@ -428,9 +430,13 @@ def _looked_at(state, before, behind, trees, world, found, edge, shortest, arcs,
             lowest = j if lowest < 0 else lowest
             highest = j
             put(arcs[k, j], arc)
+            if only_tip:
+                break
         if lowest < 0:
             continue
         ways[k, LOWEST], below = _end_of(here, edge, lowest, -1, arcs[k, lowest], stack, bounds)
+        if only_tip:
+            continue
         ways[k, HIGHEST], above = _end_of(here, edge, highest, 1, arcs[k, highest], stack, bounds)
         ways[k, WIDEST], ways[k, RATE] = _immersed(here, edge, arcs[k], stack, bounds), rate + below + above
 
