@@ -15,6 +15,9 @@ from durations import (  # noqa: E402, F401
     pytest_configure,
     pytest_fixture_setup,
     pytest_runtest_makereport,
+    pytest_runtest_setup,
+    pytest_sessionfinish,
+    pytest_terminal_summary,
 )
 
 from cuspline.app.entry import SELDOM  # noqa: E402

@@ -2,6 +2,7 @@
 
 A whole `make test ARGS=--record-durations` writes the file anew: tests without what they share, and the fixtures that they
 share.  A module takes as long as its tests and every fixture of theirs once; a fast run weighs a test alone, with all of its.
+A run that must end in time, `--until`, begins with the shortest, says how many it did not come to, and fails where these are many.
 """
 
 import json
@@ -15,16 +16,42 @@ FILE = Path(__file__).parents[1] / "durations.json"
 KEPT_S = 0.05           # shorter ones are not written down
 FAST_S = 0.4            # a fast run takes tests up to this, their fixtures included
 FIXTURES = "fixtures_s"
+NO_TIME = "not begun: the time was up"
+MOST_LEFT = 0.4         # of the tests: a run that leaves more of them has failed
 
 
 def pytest_addoption(parser):
     parser.addoption("--fast", action="store_true", help=f"leave out tests that take longer than {FAST_S} s")
     parser.addoption("--record-durations", action="store_true", help=f"write tests/{FILE.name} anew")
+    parser.addoption("--until", type=float, metavar="SECONDS", help="since 1970: tests that would begin later are left out")
 
 
 def pytest_configure(config):
     if config.getoption("--record-durations") and not hasattr(config, "workerinput"):
         config.pluginmanager.register(_Record())
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item):
+    until = item.config.getoption("--until")
+    if until is not None and time.time() > until:
+        pytest.skip(NO_TIME)
+
+
+def pytest_sessionfinish(session):
+    told = session.config.pluginmanager.get_plugin("terminalreporter")
+    told_of = sum(len(told.stats.get(what, ())) for what in ("passed", "failed", "skipped")) if told is not None else 0
+    if told_of and len(_left_out(told)) > MOST_LEFT * told_of:
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+
+def pytest_terminal_summary(terminalreporter):
+    if left := _left_out(terminalreporter):
+        terminalreporter.write_line(f"{len(left)} tests were {NO_TIME}; without --until all are run")
+
+
+def _left_out(told):
+    return [r for r in told.stats.get("skipped", ()) if NO_TIME in str(r.longrepr)]
 
 
 @pytest.hookimpl(wrapper=True)
@@ -50,7 +77,7 @@ def pytest_runtest_makereport(item):
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config, items):
-    """Modules that take longest first; with --fast no test that takes long."""
+    """Modules that take longest first, with --until last; with --fast no test that takes long."""
     known = Durations(**json.loads(FILE.read_text())) if FILE.exists() else Durations()
     needs = {item.nodeid: _shared(item) for item in items}
     if config.getoption("--fast"):
@@ -58,7 +85,7 @@ def pytest_collection_modifyitems(config, items):
         config.hook.pytest_deselected(items=[i for i in items if not is_fast[i.nodeid]])
         items[:] = [i for i in items if is_fast[i.nodeid]]
     took = known.modules_s({item.nodeid: needs[item.nodeid] for item in items})
-    items.sort(key=lambda item: -took[_module(item.nodeid)])
+    items.sort(key=lambda item: took[_module(item.nodeid)], reverse=config.getoption("--until") is None)
 
 
 class Durations:

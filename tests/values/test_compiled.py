@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from numba.core import types
+from numba.core import config, types
 from numba.core.registry import cpu_target
 
 from cuspline.values import compiled, kernel_folders
@@ -38,7 +38,6 @@ def outer(x):
 def beside(x):
     return x - 1.0
 """
-
 
 RAISING = """
 import math
@@ -90,6 +89,12 @@ def read(tmp_path, monkeypatch):
             spec.loader.exec_module(module)
         return module
     return load
+
+
+@pytest.fixture(autouse=True)
+def nowhere_else(monkeypatch):
+    """Kernels are kept where they are without NUMBA_CACHE_DIR."""
+    monkeypatch.setattr(config, "CACHE_DIR", "")
 
 
 def was_compiled(kernel, *arguments):
