@@ -100,9 +100,10 @@ def _posted_operation(planned, plan):
                          cycles=tuple(c.shifted(by_mm) for c in planned.cycles),
                          compensated=tuple(c.moved(into) for c in planned.compensated))
     moves, first = straightened(planned.moves, CHORD_SHARE * plan.context.machine.control.path_tolerance_mm)
-    axis = setup.clamped_frame.turn_into(np.array([setup.wcs_z]))
-    return Operation(**same, moves=replace(_moved(moves, into), axis=np.repeat(axis, len(moves), axis=0)), level_mm=plan.level_mm,
-                     rpm_changes=tuple((int(first[k]), rpm) for k, rpm in planned.rpm_changes))
+    axis, first = setup.clamped_frame.turn_into(np.array([setup.wcs_z])), [*first.tolist(), len(moves)]
+    said = tuple(replace(c, first=first[c.first], end=first[c.end]) for c in planned.cycles if c.pitch_mm or c.dwell_s)
+    return Operation(**same, cycles=said, moves=replace(_moved(moves, into), axis=np.repeat(axis, len(moves), axis=0)), level_mm=plan.level_mm,
+                     rpm_changes=tuple((first[k], rpm) for k, rpm in planned.rpm_changes))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -55,9 +55,9 @@ def tapped_holes(work):
     if not work.machine.control.rigid_tapping:
         raise PlanError(f"{title}: {work.machine.name} does not tap (rigid_tapping = false in its file): mill the threads "
                         "(thread_mill), or choose another machine")
-    if work.setup.indexed:
-        raise PlanError(f"{title}: threads are not tapped in an indexed position: mill them (thread_mill), or give them a setup "
-                        "of their own")
+    if work.setup.indexed and not work.machine.taps_turned:
+        raise PlanError(f"{title}: {work.machine.name} does not tap in an indexed position, where its tool is along no Z of the "
+                        "control: mill the threads (thread_mill), or give them a setup of their own")
     threads, by_tool = threads_of(work), {}
     for bore, one in threads:
         tool = _tap_for(work, one)

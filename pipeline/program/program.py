@@ -192,7 +192,8 @@ class Operation:
     coolant: str              # values.coolants.Coolant
     moves: Moves
     passes: object = None     # pass_templates.TemplatedPasses that come to the same moves; None: only the moves
-    cycles: tuple = ()        # drilling.DrillCycle of its holes, that come to some of the moves
+    cycles: tuple = ()        # drilling.DrillCycle of its holes, that come to some of the moves; where its axis leans: of those
+                              # that no moves say (taps, dwells), their places in the position's own axes
     compensated: tuple = ()   # compensation.CompensatedContour that come to some of the moves
     time_s: float | None = None     # that it takes, as planned; None: nobody has said
     is_from_top: bool = False       # it begins from the top of the machine, whatever tool was in before

@@ -229,8 +229,8 @@ class _Tnc:
         if not (self.tapping or self.drilling) or rest:
             raise Complaint("CYCL CALL without a cycle before it, or with other words",
                             "define cycle 200, 201, 203 or 207, then write CYCL CALL alone")
-        if self.controller.is_tip:
-            raise Complaint("CYCL CALL under FUNCTION TCPM or in a tilted plane", "drill there move by move")
+        if self.controller.is_tip and self.controller.tilted is None:
+            raise Complaint("CYCL CALL under FUNCTION TCPM", "drill there move by move, or in a tilted plane")
         if self.drilling:
             return drilled(*self.drilling, self.controller.tip[2] / self.controller.length_unit_mm())
         return self._tap(self.tapping)

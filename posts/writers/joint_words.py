@@ -38,6 +38,11 @@ class PlainMoves:
         self.moves, self.start_mm, self.starts_mm = moves, moves.start_mm, moves.starts_mm
         self.turned_deg = np.zeros((len(moves) + 1, len(rotaries)))
 
+    @property
+    def at_mm(self):
+        """(n + 1, 3) words where each move begins, and where the last ends."""
+        return np.vstack([self.start_mm, self.moves.end_mm])
+
     def write(self, writer, first, end, dialect):
         """Moves `first` to `end`, the spindle's speed named where it changes."""
         for begin, stop in at_one_speed(self.operation, writer, first, end, dialect):
@@ -144,6 +149,11 @@ class SolvedMoves:
             f"{letter}{value / MM[units]:.4f}" for letter, value in zip("XYZ", machine.wcs_origin_mm))
             + f" AND A TOOL OF {run.length_mm / MM[units]:.4f} {units.upper()}; WITH ANY OTHER IT CUTS ELSEWHERE",
             f"ABOUT {driven_s:.0f} S FROM BLOCK TO BLOCK")
+
+    @property
+    def at_mm(self):
+        """(n + 1, 3) words where each move begins, and where the last ends."""
+        return self.starts_mm
 
     def driven_s(self, blend_mm):
         """How long the control takes, with this P of G64."""

@@ -418,10 +418,16 @@ class _Files:
                 raise PostError(f"operation {operation.name}: cutter compensation goes with an upright axis, and arcs by their "
                                 "centres: leave compensation out")
             return CompensatedMoves(operation, self.machine.rotaries)
-        if operation.cycles and not leans(operation.moves):
-            return DrilledMoves(operation, self.machine.rotaries, self.machine.control.canned_cycles)
-        if not leans(operation.moves):
-            return PlainMoves(operation, self.machine.rotaries)
+        laid = self._laid_leaning(operation) if leans(operation.moves) else PlainMoves(operation, self.machine.rotaries)
+        if not operation.cycles:
+            return laid
+        if isinstance(laid, TipMoves):
+            raise PostError(f"operation {operation.name}: taps and dwells of a tool that leans do not go with "
+                            f"{self.machine.control.tip_control}: mill the thread (thread_mill), or leave the dwell out")
+        return DrilledMoves(laid, operation, self.machine.control.canned_cycles, self.machine.control.resolution_mm)
+
+    def _laid_leaning(self, operation):
+        """The same of a tool that leans, move by move."""
         if operation.level_mm is not None and self.dialect.tilts(self.machine.control):
             return TiltedMoves(operation, self.machine, self.dialect)
         if self.machine.control.tip_control is None:

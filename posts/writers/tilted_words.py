@@ -34,6 +34,11 @@ class TiltedMoves:
         self.notes = (dialect.plane_note,)
 
     @property
+    def at_mm(self):
+        """(n + 1, 3) words where each move begins, and where the last ends."""
+        return np.vstack([self.frame.into(self.start_mm[None]), self.ends_mm])
+
+    @property
     def side(self):
         """Of the two ways to hold the tool so: 1 where the last rotary axis stands at the larger angle, else -1."""
         both = self.run.chain.branches(self.axis[None])[0][0, :, -1]
