@@ -34,8 +34,6 @@ def engraved(work):
         PlanError, CutterDoesNotFit: lines beside the faces, a groove deeper than the cutter's point, or a cutter that does not fit.
     """
     operation = work.operation
-    if work.setup.indexed:
-        raise PlanError(f"{operation.title}: engraving stands upright: give it to a setup of its own, not to an indexed position")
     if sum(o.title.lower() == operation.title.lower() for o in work.setup.operations) > 1:
         raise PlanError(f"{operation.title}: another operation of {work.setup.name} is called so, and a groove is found by its "
                         "operation's name: give both a name of their own")

@@ -20,8 +20,6 @@ def tabs_on(work, tool, path, low_mm):
         PlanError: no room, no stock, or a cutter that cannot come down as it is asked to.
     """
     operation, cutter = work.operation, tool.cutter
-    if work.setup.indexed:
-        raise PlanError(f"{operation.title}: tabs are left by a setup of its own, not by an indexed position: leave them out")
     if not path.is_closed:
         raise PlanError(f"{operation.title}: tabs are for closed contours: name all walls of the outline, or leave them out")
     width, height = operation.tab_width_mm or WIDTH_MM, operation.tab_height_mm or HEIGHT_MM
