@@ -26,6 +26,7 @@ UPRIGHT = 1e-6              # of a unit normal's z: an upright wall
 FLAT_SHARE = 0.95           # of the width of its flat a cutter moves over: no ridge is left
 FOOT_SHARE = 0.01           # of the floors, that a flat cutter is to finish beyond what balls come to
 ASIDE_MM = 0.01             # from a wall, of the outermost passes side by side: those along the walls come nearer
+HOP_MM = 0.1                # a pass interrupted for less runs where its cutter just fits between walls, or just does not
 PITCH_SHARE = 0.05          # of the cutter's radius: grid on which the region of a floor is looked for
 OVER_SHARE = 0.2            # of the radius that passes run over an open edge
 ON_IT_MM = 2e-5             # a tip so near to a floor's height lies on it: contacts are found to half of that
@@ -216,9 +217,10 @@ def floors(work, tool, candidates, stock):
         field = _region(work, tool, faces)
         if field is None:
             continue
-        paths = _side_by_side(field, step, tolerance) + _along_walls(field, height + operation.allowance_mm, tolerance)
+        tip_z = height + operation.allowance_mm
+        paths = _side_by_side(field, step, tolerance) + _along_walls(field, tip_z, tolerance)
         if paths:
-            rules = replace(link_rules(work, tool, field, tolerance, step, feed, left), heights=stock)
+            rules = replace(link_rules(work, tool, field, tolerance, step, feed, left), heights=stock, least_z_mm=tip_z)
             made.append(moves_of_tip_paths(paths, rules))
     if not made:
         raise PlanError(f"{operation.title}: T{tool.number} {tool.cutter.name} comes to none of the level faces "
@@ -292,9 +294,23 @@ def _side_by_side(field, step_mm, tolerance_mm):
     if high[1] - low[1] > 2 * ASIDE_MM:         # a line along the wall itself would be on it here and beside it there
         low[1], high[1] = low[1] + ASIDE_MM, high[1] - ASIDE_MM
     count = max(1, math.ceil((high[1] - low[1]) / step_mm))
-    lines = [PlaneCurve(xy_mm=np.array([(low[0] - field.pitch_mm, y), (high[0] + field.pitch_mm, y)]))
-             for y in np.linspace(low[1], high[1], count + 1)]
-    return tip_paths(lines, field, PathRules(tolerance_mm=tolerance_mm, lateral_mm=0.0, bridge_mm=0.0))
+    along = lambda *ys: tip_paths([PlaneCurve(xy_mm=np.array([(low[0] - field.pitch_mm, y), (high[0] + field.pitch_mm, y)]))
+                                   for y in ys], field, PathRules(tolerance_mm=tolerance_mm, lateral_mm=0.0, bridge_mm=0.0))
+    ys = np.linspace(low[1], high[1], count + 1)
+    paths = along(*ys)
+    for k in sorted({p.curve for p in paths}):
+        if _hops([p for p in paths if p.curve == k]):
+            tried = (along(ys[k] + aside) for aside in (ASIDE_MM, -ASIDE_MM, 2 * ASIDE_MM, -2 * ASIDE_MM))
+            if again := next((some for some in tried if some and not _hops(some)), ()):
+                paths = [p for p in paths if p.curve != k] + [replace(p, curve=k) for p in again]
+    return sorted(paths, key=lambda p: p.curve)
+
+
+def _hops(paths):
+    """Whether parts of one pass follow each other closely, or leave its height: its line is on a wall here, beside it there."""
+    ends = sorted(tuple(sorted(p.tips_mm[[0, -1], 0].tolist())) for p in paths)
+    return (any(later - end < HOP_MM for (_, end), (later, _) in zip(ends, ends[1:]))
+            or any(np.ptp(p.tips_mm[:, 2]) > ON_IT_MM for p in paths))
 
 
 def _along_walls(field, height_mm, tolerance_mm):

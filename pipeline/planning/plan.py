@@ -102,7 +102,8 @@ def _posted_operation(planned, plan):
     moves, first = straightened(planned.moves, CHORD_SHARE * plan.context.machine.control.path_tolerance_mm)
     axis, first = setup.clamped_frame.turn_into(np.array([setup.wcs_z])), [*first.tolist(), len(moves)]
     said = tuple(replace(c, first=first[c.first], end=first[c.end]) for c in planned.cycles if c.pitch_mm or c.dwell_s)
-    return Operation(**same, cycles=said, moves=replace(_moved(moves, into), axis=np.repeat(axis, len(moves), axis=0)), level_mm=plan.level_mm,
+    return Operation(**same, cycles=said, level_mm=plan.level_mm,
+                     moves=replace(_moved(moves, into), axis=np.repeat(axis, len(moves), axis=0)),
                      rpm_changes=tuple((first[k], rpm) for k, rpm in planned.rpm_changes))
 
 

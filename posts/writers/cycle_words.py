@@ -45,7 +45,7 @@ class DrilledMoves:
         above, bottom = self.at_mm[feeds], self.at_mm[feeds + 1]
         if np.abs(above[:2] - bottom[:2]).max() > resolution_mm:
             raise PostError(f"operation {name}: its tool goes down along X or Y too, which taps and dwells do not: mill the thread "
-                            "(thread_mill), or choose a machine that turns the part, or takes indexed positions in a plane of its own")
+                            "(thread_mill), or choose a machine that turns the part, or whose control takes planes")
         return replace(cycle, xy_mm=tuple(bottom[:2].tolist()), bottom_z_mm=float(bottom[2]), retract_z_mm=float(above[2]))
 
     def write(self, writer, first, end, dialect):

@@ -18,14 +18,29 @@ def plate(slots):
     return body.pushPoints(slots).slot2D(36, 12).cutBlind(-5)
 
 
+def floor_of(body, size, tool):
+    """The PlannedOperation of the top of a plate."""
+    x, y = size
+    design = Design(name="plate", description="", parameters=Parameters(), solid=body.val(), material="aluminium_6061",
+                    stock=StockBox(min_mm=(-x / 2, -y / 2, 0), max_mm=(x / 2, y / 2, Z + 0.3)),
+                    predicates={"top": body.faces(">Z")}, finish=Finish(scallop_mm=0.02, profile_tolerance_mm=0.005, gouge_mm=0.01),
+                    setups=(Setup(name="one", faces=("top",), wcs_in_words="middle", operations=(Floor(tool=tool),)),))
+    (made,) = plan_setup(design, design.setups[0], find_machine(design.machine), find_library(None)).operations
+    return made
+
+
+def test_a_pass_between_two_walls_that_just_leave_it_room_does_not_drop():
+    """The middle pass touches the pocket's two ends where they are as far apart as the cutter is wide."""
+    body = cq.Workplane().box(40, 20, Z, centered=(True, True, False))
+    body = body.cut(cq.Workplane().box(16, 14, 10).edges("|Z").fillet(6.5).translate((-8, 0, Z)))
+    moves = floor_of(body, (40, 20), "flat 10").moves
+    assert moves.end_mm[:, 2].min() > Z - 1e-6 and len(moves) < 100
+
+
 @pytest.mark.parametrize("slots", [[(0, 0)], [(0, -9), (0, 9)], [(-28, 0)]])
 def test_the_top_beside_slots_lies_under_the_flat_everywhere(slots):
     body = plate(slots)
-    design = Design(name="plate", description="", parameters=Parameters(), solid=body.val(), material="aluminium_6061",
-                    stock=StockBox(min_mm=(-X / 2, -Y / 2, 0), max_mm=(X / 2, Y / 2, Z + 0.3)),
-                    predicates={"top": body.faces(">Z")}, finish=Finish(scallop_mm=0.02, profile_tolerance_mm=0.005, gouge_mm=0.01),
-                    setups=(Setup(name="one", faces=("top",), wcs_in_words="middle", operations=(Floor(tool="flat 16"),)),))
-    (made,) = plan_setup(design, design.setups[0], find_machine(design.machine), find_library(None)).operations
+    made = floor_of(body, (X, Y), "flat 16")
     ends, starts = made.moves.end_mm, made.moves.starts_mm
     on = (made.moves.kind == Kind.FEED) & (np.maximum(ends[:, 2], starts[:, 2]) < Z + 0.006)
     share = np.linspace(0, 1, 201)[:, None]

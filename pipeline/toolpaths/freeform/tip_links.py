@@ -58,6 +58,7 @@ class TipLinkRules:
     heights: Callable | None = None         # function of places (n, 2) to the heights (n,) that stand there; None: not known
     rapids: Dropper | None = None   # the same as `stock` with a rapid's clearance all round: down to there rapids go straight
                                     # up and down; None: to the approach height
+    least_z_mm: float = -math.inf   # links along the surface stay above what lies lower: a floor's above what is let into it
 
     def __post_init__(self):
         if self.approach_z_mm > self.clearance_z_mm:
@@ -182,6 +183,7 @@ def _surface_ways(order, rules):
     for piece, run in zip(np.split(dense.tip_mm[rows], np.flatnonzero(np.diff(dense.run[rows])) + 1),
                           np.unique(dense.run)):
         k, a, b = pairs[run]
+        piece = np.column_stack([piece[:, :2], np.maximum(piece[:, 2], rules.least_z_mm)])
         if np.linalg.norm(np.diff(piece, axis=0), axis=1).sum() <= LONGEST_DETOUR * fixed.length((b - a)[:2]):
             ways[k] = piece[1:]
     return ways
