@@ -9,8 +9,8 @@ its parts are.  A middle that is not cut away is a place that stands higher: it 
 
 What is left without a proof, and counted: cells whose middle is excess, or cannot be reached; cells as small as
 FLOOR_MM, which lie at rims where passes end with the face, round excess, at poles, and where what two clampings have
-cut meets (each is asked alone).  A proof knows every cutter: of a ball cutter that turns its ball, of others what is nearly
-convex of each sub-step (excess_kernels.py).
+cut meets (each is asked alone).  A plane that no stock as delivered stands above needs no cut.  A proof knows every
+cutter: of a ball cutter that turns its ball, of others what is nearly convex of each sub-step (excess_kernels.py).
 Pieces of path lie off the posted path by its `error_mm`.
 """
 
@@ -21,6 +21,7 @@ import numpy as np
 from cuspline.stock.swept import SweptPath, world_of
 from cuspline.surfaces.face_pieces import halves, in_face_parameters
 from cuspline.surfaces.sampling import served_pieces
+from cuspline.values.frames import Frame
 from cuspline.verification.excess_kernels import ABOVE, ROOM, prove_roots
 
 SHARE = 0.01              # the height proven is higher than the highest place known by this share
@@ -87,7 +88,22 @@ class _Cells:
                       area_mm2=twice(self.area_mm2 / 2))
 
 
-def prove_excess(ground, cuts, known_mm, allowed_mm, deviation_of, is_reachable, area_mm2=np.nan):
+def is_bare(faces, blank, allowed_mm):
+    """(f,) bool: plane faces of the part that no stock as delivered stands above, anywhere: they need no cut.
+
+    Args:
+        faces: brep.Face values.   blank: stock.shapes.Shape in part coordinates.   allowed_mm: see `prove_excess`.
+    """
+    return np.array([face.kind == "plane" and _above_mm(face.middle, blank) <= LEAST_SHARE * allowed_mm for face in faces], bool)
+
+
+def _above_mm(place, blank):
+    """How high a shape stands above the plane through a face's place, along its normal."""
+    frame = Frame.along(place.normal[0])
+    return float(blank.box_in(frame)[1][2] - frame.into(place.point_mm)[0, 2])
+
+
+def prove_excess(ground, cuts, known_mm, allowed_mm, deviation_of, is_reachable, area_mm2=np.nan, bare=None):
     """Prove that no reachable place of some faces stands higher than what is known and allowed.
 
     Args:
@@ -97,6 +113,7 @@ def prove_excess(ground, cuts, known_mm, allowed_mm, deviation_of, is_reachable,
         deviation_of: function of points and normals (n, 3), part coordinates, to exact deviations (n,).
         is_reachable: function of the same and faces (n,) to (n,) bool.
         area_mm2: of the faces: all of it is unproven where nothing was cut.
+        bare: (f,) bool of `is_bare`; None: no face is.
     Returns:
         ExcessProof.
     """
@@ -104,7 +121,8 @@ def prove_excess(ground, cuts, known_mm, allowed_mm, deviation_of, is_reachable,
     if not known:
         return ExcessProof(height_mm=np.nan, cells=0, higher_mm=np.zeros((0, 3)), amount_mm=np.zeros(0),
                            unproven_mm2={**dict.fromkeys(REASONS, 0.0), "inside": area_mm2})
-    return _Search(ground, allowed_mm, deviation_of, is_reachable).run(known, min(known_mm, allowed_mm))
+    asked = np.arange(len(ground.domains)) if bare is None else np.flatnonzero(~bare)
+    return _Search(ground, asked, allowed_mm, deviation_of, is_reachable).run(known, min(known_mm, allowed_mm))
 
 
 def _of_balls(path):
@@ -123,8 +141,8 @@ def _some(chosen, most):
 class _Search:
     """One run of the proof."""
 
-    def __init__(self, ground, allowed_mm, deviation_of, is_reachable):
-        self.ground, self.allowed = ground, allowed_mm
+    def __init__(self, ground, asked, allowed_mm, deviation_of, is_reachable):
+        self.ground, self.asked, self.allowed = ground, asked, allowed_mm
         self.deviation_of, self.is_reachable = deviation_of, is_reachable
         self.cells, self.areas, self.higher = 0, dict.fromkeys(REASONS, 0.0), []
 
@@ -152,10 +170,10 @@ class _Search:
         return min((1 + SHARE) * known_mm, self.allowed) + SLACK_MM
 
     def _roots(self):
-        """Cells of all faces to begin with."""
+        """Cells of all faces that are asked for, to begin with."""
         patches, trims = self.ground.patches, self.ground.trims
-        parts = [served_pieces(patches, trims, face, ROOT_MM)[:2] for face in range(len(self.ground.domains))]
-        patch, box = (np.concatenate(column) for column in zip(*parts))
+        parts = [served_pieces(patches, trims, face, ROOT_MM)[:2] for face in self.asked.tolist()]
+        patch, box = (np.concatenate(column) for column in zip((np.zeros(0, int), np.zeros((0, 4))), *parts))
         none = np.zeros(len(patch))
         return _Cells(patch=patch, box=box, reason=none, is_rim=none.astype(bool), area_mm2=none)
 

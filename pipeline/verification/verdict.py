@@ -29,7 +29,7 @@ from cuspline.values.known import Known
 from cuspline.verification.certificate import Certificate, certify, solid_in_wcs
 from cuspline.verification.climbing import Ground
 from cuspline.verification.cusps import Cusps, SampledStock, measured_cusps
-from cuspline.verification.excess_proof import ExcessProof, prove_excess
+from cuspline.verification.excess_proof import ExcessProof, is_bare, prove_excess
 from cuspline.verification.in_process import PART
 from cuspline.verification.process_findings import process_of
 from cuspline.verification.reach import REACHABLE, drop_mesh, upper
@@ -579,9 +579,11 @@ def _excess_proof(part, c, found, say):
     others = [cut for cut in part.piece.cuts if cut is not own]
     fine = found.is_reachable & (d <= allowed + NOISE_MM)
     reach = lambda p, n, face: c.sampled.reach(own, p, n, face, part.closest, part.ball_radius_mm) == REACHABLE
+    faces = _looked_at(part.solid).faces
+    bare = is_bare([faces[i] for i in c.required], part.piece.blank, allowed) & (part.finish.plating_mm == 0)
     return prove_excess(c.sampled.ground, [own, *others], d[fine].max(initial=0.0), allowed,
                         lambda p, n: part.piece.deviations(p, n, LIMIT_MM)[0], reach,
-                        area_mm2=rounded(c.samples.weight_mm2.sum()))
+                        area_mm2=rounded(c.samples.weight_mm2.sum()), bare=bare)
 
 
 def _indices(solid, faces):

@@ -21,7 +21,7 @@ from cuspline.toolpaths.five_axis.corner_contact import CornerContact
 from cuspline.values.frames import Frame
 from cuspline.verification.climbing import Ground
 from cuspline.verification.excess_kernels import _posed_corners, _straightened, least_largest
-from cuspline.verification.excess_proof import LEAST_SHARE, prove_excess
+from cuspline.verification.excess_proof import LEAST_SHARE, is_bare, prove_excess
 
 R, STEP = 5.0, 0.6
 CUSP = R - np.sqrt(R**2 - STEP**2 / 4)
@@ -92,6 +92,24 @@ def test_passes_askew_to_the_parameters_of_the_face_are_proven_as_well():
 def test_other_cutters_leave_no_more_than_they_do(cutter, step, cusp):
     p = proof(cut(raster((-6, 18), -0.3 + step * np.arange(3), 10.0), cutter))
     assert is_close_above(p.height_mm, cusp, ALLOWED) and p.is_complete
+
+
+def test_a_plane_that_the_stock_as_delivered_does_not_stand_above_needs_no_cut():
+    """The side flush with the blank; the top of the same solid is cut."""
+    solid = cq.Workplane().box(12, 9, 10, centered=False)
+    faces = brep.faces_of(brep.the_solid(solid))
+    blank = BoxShape(min_mm=(0, -1, 0), max_mm=(12, 9, 20))
+    wanted = [f.middle.normal[0].round(9).tolist() in ([1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, 0, -1]) for f in faces]
+    assert is_bare(faces, blank, ALLOWED).tolist() == wanted
+    higher = BoxShape(min_mm=(0, -1, 0), max_mm=(12 + 0.11 * ALLOWED, 9 + 0.09 * ALLOWED, 20))
+    assert is_bare(faces, higher, ALLOWED).sum() == 3
+    piece = cut(raster((-6, 18), YS, 10.0), piece=Workpiece(blank=blank))
+    both = [*TOP, next(f for f, bare in zip(faces, wanted) if bare)]
+    asked = lambda bare: prove_excess(Ground.of_faces(both), piece.cuts, 0.0, ALLOWED,
+                                      lambda p, n: piece.deviations(p, n, 2.0)[0], lambda p, n, f: np.ones(len(p), bool), bare=bare)
+    known = asked(is_bare(both, blank, ALLOWED))
+    assert is_close_above(known.height_mm, CUSP) and known.is_complete and known.cells < 40_000
+    assert asked(np.array([True, True])).cells == 0
 
 
 def test_half_a_millimetre_that_was_missed_is_found_and_nothing_else():
