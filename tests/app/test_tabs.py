@@ -49,6 +49,15 @@ def test_tabs_stand_and_are_no_excess(plate):
     assert (plate / "setup-1.ngc").read_text().count("\nZ1 ") > 4
 
 
+def test_in_an_indexed_position_they_stand_too(tmp_path_factory):
+    folder = built_once(tmp_path_factory, "tabbed_turned", PART.with_name("tabbed_turned.py"), "--stage", "gcode")
+    judged = judge(folder, read_job(folder), options=COARSE)
+    assert judged.findings == ()
+    tabs = judged.as_dict(())["tabs"]
+    assert [(t["setup"], t["height_mm"], t["standing_mm"], t["ok"]) for t in tabs] == [("side", 1.0, 1.0, True)] * 2
+    assert [t["place_mm"][1] for t in tabs] == [0.0, 0.0] and {t["place_mm"][0] for t in tabs} == {-5.0, 53.0}
+
+
 def test_a_tab_that_is_cut_is_found_with_what_stands_of_it(plate, tmp_path):
     folder = shutil.copytree(plate, tmp_path / "spoilt")
     text = (folder / "setup-1.ngc").read_text()
