@@ -7,7 +7,6 @@ import os
 import re
 import shutil
 import subprocess
-import time
 import tomllib
 import zipfile
 from pathlib import Path
@@ -386,9 +385,7 @@ def built(shop, *arguments, ok=True):
 @needs_make
 def test_a_second_make_does_nothing(shop):
     assert built(shop, "-j2") == ["plate", "vane"]
-    start = time.perf_counter()
     assert built(shop) == []
-    assert time.perf_counter() - start < 2.0
     assert make(shop, "-q").returncode == 0
 
 

@@ -47,6 +47,12 @@ class ExcessProof:
     higher_mm: np.ndarray     # (n, 3) places that stand higher than allowed
     amount_mm: np.ndarray     # (n,) how high they stand
 
+    @classmethod
+    def of_nothing(cls, area_mm2):
+        """Where nothing was cut, all of an area is unproven."""
+        return cls(height_mm=np.nan, cells=0, higher_mm=np.zeros((0, 3)), amount_mm=np.zeros(0),
+                   unproven_mm2={**dict.fromkeys(REASONS, 0.0), "inside": area_mm2})
+
     def as_dict(self):
         """For verify.json."""
         return {"cells": self.cells, "unproven_mm2": self.unproven_mm2, "not_covered": []}
@@ -103,24 +109,20 @@ def _above_mm(place, blank):
     return float(blank.box_in(frame)[1][2] - frame.into(place.point_mm)[0, 2])
 
 
-def prove_excess(ground, cuts, known_mm, allowed_mm, deviation_of, is_reachable, area_mm2=np.nan, bare=None):
+def prove_excess(ground, cuts, known_mm, allowed_mm, deviation_of, is_reachable, bare=None):
     """Prove that no reachable place of some faces stands higher than what is known and allowed.
 
     Args:
         ground: climbing.Ground of the faces.
-        cuts: workpiece.Cut values that may have cut them, the one that probably did first.
+        cuts: workpiece.Cut values that may have cut them, the one that probably did first; one at least has paths.
         known_mm: a height that is known to be reached, scalar >= 0.   allowed_mm: higher places are excess.
         deviation_of: function of points and normals (n, 3), part coordinates, to exact deviations (n,).
         is_reachable: function of the same and faces (n,) to (n,) bool.
-        area_mm2: of the faces: all of it is unproven where nothing was cut.
         bare: (f,) bool of `is_bare`; None: no face is.
     Returns:
         ExcessProof.
     """
     known = [replace(c, paths=tuple(map(_of_balls, c.paths))) for c in cuts if c.paths]
-    if not known:
-        return ExcessProof(height_mm=np.nan, cells=0, higher_mm=np.zeros((0, 3)), amount_mm=np.zeros(0),
-                           unproven_mm2={**dict.fromkeys(REASONS, 0.0), "inside": area_mm2})
     asked = np.arange(len(ground.domains)) if bare is None else np.flatnonzero(~bare)
     return _Search(ground, asked, allowed_mm, deviation_of, is_reachable).run(known, min(known_mm, allowed_mm))
 

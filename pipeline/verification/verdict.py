@@ -576,14 +576,15 @@ def _excess_proof(part, c, found, say):
     """That no place of clamping c's faces stands higher than the highest that was found and is allowed."""
     say(f"{c.name}: proof of what stands between the samples")
     own, d, allowed = part.piece.cuts[c.number], found.deviation_mm, allowed_mm(part.finish)
-    others = [cut for cut in part.piece.cuts if cut is not own]
+    cuts = [cut for cut in [own, *(cut for cut in part.piece.cuts if cut is not own)] if cut.paths]
+    if not cuts:
+        return ExcessProof.of_nothing(rounded(c.samples.weight_mm2.sum()))
     fine = found.is_reachable & (d <= allowed + NOISE_MM)
     reach = lambda p, n, face: c.sampled.reach(own, p, n, face, part.closest, part.ball_radius_mm) == REACHABLE
     faces = _looked_at(part.solid).faces
     bare = is_bare([faces[i] for i in c.required], part.piece.blank, allowed) & (part.finish.plating_mm == 0)
-    return prove_excess(c.sampled.ground, [own, *others], d[fine].max(initial=0.0), allowed,
-                        lambda p, n: part.piece.deviations(p, n, LIMIT_MM)[0], reach,
-                        area_mm2=rounded(c.samples.weight_mm2.sum()), bare=bare)
+    return prove_excess(c.sampled.ground, cuts, d[fine].max(initial=0.0), allowed,
+                        lambda p, n: part.piece.deviations(p, n, LIMIT_MM)[0], reach, bare=bare)
 
 
 def _indices(solid, faces):

@@ -204,21 +204,27 @@ FAULTS = {
 # asking ------------------------------------------------------------------------------------------
 
 
-def judged(default_part, tmp_path, options, *, text=None, tools=None, machine=None):
+def judged(*arguments, **spoilt):
     """Judged value of a spoilt copy."""
+    return looked_at(*arguments, **spoilt).judged()
+
+
+def looked_at(default_part, tmp_path, options, *, text=None, tools=None, machine=None):
+    """judge.Begun of a spoilt copy."""
     folder = copied(default_part, tmp_path / f"spoilt-{len(list(tmp_path.iterdir()))}")
     if text is not None:
         (folder / "setup-1.ngc").write_text(text)
     if tools is not None:
         write_tools(folder, tools)
     job = read_job(folder)
-    return judge(folder, job.model_copy(update={"machine": machine}) if machine else job, options=options)
+    return judging.begun(folder, job.model_copy(update={"machine": machine}) if machine else job, options=options)
 
 
 def verdict(*arguments, **spoilt):
-    """Kinds of the findings, or {REFUSED} where no controller would take the program."""
+    """Kinds of what samples and the replay find, all of it findings of the verdict, which proves much more and takes twice as
+    long; {REFUSED} where no controller would take the program."""
     try:
-        findings = judged(*arguments, **spoilt).findings
+        findings = looked_at(*arguments, **spoilt).drafted().findings
     except ReadError as error:
         print(f"refused: {error}")
         return {REFUSED}
@@ -237,7 +243,7 @@ def tools_of(default_part):
 
 @pytest.mark.parametrize("options", [SURFACE, HISTORY], ids=["surface", "history"])
 def test_the_program_as_it_is_has_no_finding(default_part, tmp_path, options):
-    assert verdict(default_part, tmp_path, options) == set()
+    assert judged(default_part, tmp_path, options).findings == ()
 
 
 def test_a_gouge_of_half_the_tolerance_is_seen_and_accepted(default_part, program, tmp_path):

@@ -211,12 +211,15 @@ def test_every_way_of_writing_it_is_the_same_move(text):
     assert moves.ended == ("M" in text.upper().replace("NAME", ""))
 
 
-def test_long_programs_are_read_in_seconds():
+def test_the_time_of_long_programs_grows_as_their_length():
+    """Not as its square: eight times the blocks would take 64 times as long."""
     block = "X1.2345 Y-2.3456 Z3.4567\nG2 X2.2345 I0.5 J0\nG1 X0 Y0\nZ1\n"
-    begin = time.perf_counter()
-    moves = read("G21\nG0 X0 Y0 Z0\nG1 F100 X0\n" + 50_000 * block)
-    assert len(moves) == 200_002
-    assert time.perf_counter() - begin < 30      # 3 s on an idle core
+    taken = []
+    for blocks in (6250, 50_000):
+        begin = time.process_time()
+        assert len(read("G21\nG0 X0 Y0 Z0\nG1 F100 X0\n" + blocks * block)) == 4 * blocks + 2
+        taken.append(time.process_time() - begin)
+    assert taken[1] < 24 * taken[0]
 
 
 # what it refuses --------------------------------------------------------------------------------------
