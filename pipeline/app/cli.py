@@ -58,7 +58,7 @@ def build(
         machine: Annotated[Optional[str], typer.Option(
             help="name of a machine, or its TOML file; else the design's own")] = None,
         post: Annotated[Optional[str], typer.Option(help="another post than the machine's own, by name or .py file")] = None,
-        cutters: Annotated[Optional[Path], typer.Option(help="tool library: a JSON file, or small_mills")] = None,
+        cutters: Annotated[Optional[Path], typer.Option(help="tool library: a JSON file, small_mills or inch_mills")] = None,
         shop: Annotated[Optional[Path], typer.Option(help="the shop's own values and materials (TOML)")] = None,
         measured: Annotated[Optional[Path], typer.Option(help="markers as measured in their setups (CSV)")] = None,
         out: Annotated[Optional[Path], typer.Option(help="folder for the outputs")] = None,
@@ -123,7 +123,7 @@ def positions(part: Annotated[str, typer.Argument(help="a STEP file, a design or
               faces: Annotated[list[str], typer.Option(metavar="NAME", help="faces of a design, repeatable; none: all that are "
                                                        "cut")] = [],
               machine: Annotated[Optional[str], typer.Option(help="machine by name or file; left out: the design's")] = None,
-              cutters: Annotated[Optional[Path], typer.Option(help="tool library: a JSON file, or small_mills")] = None,
+              cutters: Annotated[Optional[Path], typer.Option(help="tool library: a JSON file, small_mills or inch_mills")] = None,
               steepest: Annotated[float, typer.Option(min=10, max=90, help="degrees between a face's normal and the tool")] = 60.0,
               json: AsJson = False):
     """Find indexed positions.  The few directions from which balls of the library see a part's faces, ready to be pasted."""
@@ -402,7 +402,7 @@ def translate(
 def calibrate(machine: Annotated[str, typer.Option(help="machine by name or TOML file")] = "mill_3axis",
               feed: Annotated[float, typer.Option(min=1, max=100_000, help="mm/min")] = 1000.0,
               tool: Annotated[Optional[int], typer.Option(help="number of the tool that cuts the groove; none: the first")] = None,
-              cutters: Annotated[Optional[Path], typer.Option(help="tool library: a JSON file, or small_mills")] = None,
+              cutters: Annotated[Optional[Path], typer.Option(help="tool library: a JSON file, small_mills or inch_mills")] = None,
               corner_mm: Annotated[Optional[float], typer.Option(
                   min=1e-4, max=100, help="as measured: how far the groove is from its corner, along the bisector")] = None,
               out: Annotated[Optional[Path], typer.Option(help="write it there; none: to the screen")] = None):
@@ -499,7 +499,7 @@ def _range_in_words(rotary):
 
 @app.command()
 def cutters(
-        library: Annotated[Optional[Path], typer.Argument(help="JSON file, or small_mills")] = None, json: AsJson = False,
+        library: Annotated[Optional[Path], typer.Argument(help="JSON file, small_mills or inch_mills")] = None, json: AsJson = False,
         foreign: Annotated[Optional[Path], typer.Option(
             "--import", help="Fusion (.json, .tools) or FreeCAD (.fctb, .fctl) library to read in")] = None,
         to: Annotated[Optional[Path], typer.Option(

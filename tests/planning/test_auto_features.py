@@ -117,6 +117,15 @@ def test_an_outline_and_a_window_that_no_one_cutter_fits_have_a_contour_each():
         o.tool.cutter.type == "ball" for o in plan.operations)
 
 
+def test_a_panel_in_inches_is_made_with_tools_in_inches():
+    """Corners of 1/10 in, which 3/16 in comes into, and holes of 0.156 in, which is a drill of 5/32 in."""
+    panel = block().cut(window((20, 15), (18, 12), 2.54)).cut(hole((45, 8), 0.156 * 25.4)).cut(hole((45, 22), 0.156 * 25.4))
+    plan = planned(panel, shop=catalogue.find_library("inch_mills"))
+    assert {o.name: o.tool.cutter.name for o in plan.operations} == {
+        "drill": "drill 5/32 in", **dict.fromkeys(("rough", "contour rough", "contour"), "flat 3/16 in")}
+    assert plan.area_reached_mm2 == pytest.approx(plan.area_required_mm2)
+
+
 def window(at, size, corner):
     cut = cq.Workplane("XY", origin=(*at, -1)).rect(*size).extrude(20)
     return cut.edges("|Z").fillet(corner) if corner else cut
