@@ -499,7 +499,8 @@ def _range_in_words(rotary):
 
 @app.command()
 def cutters(
-        library: Annotated[Optional[Path], typer.Argument(help="JSON file, small_mills or inch_mills")] = None, json: AsJson = False,
+        library: Annotated[Optional[Path], typer.Argument(help="JSON file, small_mills or inch_mills")] = None,
+        json: AsJson = False,
         foreign: Annotated[Optional[Path], typer.Option(
             "--import", help="Fusion (.json, .tools) or FreeCAD (.fctb, .fctl) library to read in")] = None,
         to: Annotated[Optional[Path], typer.Option(
