@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from cuspline.posts.writers.joint_words import leans
-from cuspline.program.program import Kind
+from cuspline.program.program import Kind, Plane
 from cuspline.values.errors import PostError
 
 
@@ -58,6 +58,7 @@ class DrilledMoves:
             elif cycle.word not in dialect.cycle_words or not (self.has_cycles or is_tap):
                 (self._tapped if is_tap else self._spelled_out)(writer, cycle, dialect)
             else:
+                writer.to_plane(Plane.XY)       # cycles go square to it; arcs before may have left another
                 if is_tap and not (k and at == cycle.first):
                     dialect.before_taps(writer, self.rpm)
                 _begin_or_go_on(writer, cycle, self.cycles[k - 1] if k and at == cycle.first else None, dialect)

@@ -13,7 +13,7 @@ from known_tools import tool
 
 import cuspline.posts
 from cuspline.program.drilling import CLEARANCE_MM, DrillCycle, drilled, shortest_way
-from cuspline.program.program import Kind, Operation, Program
+from cuspline.program.program import Kind, MoveWriter, Operation, Plane, Program
 from cuspline.shop.machines import machine_from_toml
 from cuspline.values.errors import ReadError, ToolpathError
 
@@ -24,7 +24,7 @@ KINDS = {"drill": {}, "dwell": {"dwell_s": 0.25}, "peck": {"peck_mm": 2.5}, "chi
 
 def hole(kind, x, y, bottom=-5.0, retract=3.0, **more):
     return DrillCycle(kind=kind, xy_mm=(x, y), bottom_z_mm=bottom, retract_z_mm=retract, feed_mm_per_min=FEED, first=0, end=0,
-                      **{**KINDS[kind], **more})
+                      **{**KINDS.get(kind, {}), **more})
 
 
 def operation(holes, name="drill"):
@@ -167,6 +167,21 @@ def test_fifty_random_programs_of_holes_read_back_as_they_were_meant(machine, un
                    for c in planned.cycles if c.dwell_s]
         found = [(int(np.searchsorted(feeds, row)), seconds) for row, seconds in dwells]
         assert found == [(k, pytest.approx(s)) for k, s in bottoms]
+
+
+@pytest.mark.parametrize("machine, pitch_mm", [("mill_3axis", 0.0), ("mill_3axis_inch", 0.0), ("mill_fanuc", 0.0),
+                                               ("mill_siemens", 0.0), ("mill_fanuc", 1.0), ("mill_haas", 1.0)])
+def test_holes_after_an_arc_that_stands_upright_are_made_along_z(machine, pitch_mm):
+    path = MoveWriter((0.0, 0.0, LEVEL))
+    path.feed((0.0, 0.0, 10.0), FEED)
+    path.arc((10.0, 0.0, 10.0), (5.0, 0.0, 10.0), Plane.ZX, True, FEED)
+    path.rapid((10.0, 0.0, LEVEL))
+    profile = Operation(name="profile", tool=T, spindle_rpm=FEED, coolant="flood", moves=path.moves())
+    moves, cycles = drilled([hole("tap" if pitch_mm else "drill", 10, 10, pitch_mm=pitch_mm)], LEVEL, FEED)
+    holes = Operation(name="holes", tool=T, spindle_rpm=FEED, coolant="flood", moves=moves, cycles=cycles)
+    text, read_back = posted(machine, profile, holes)
+    assert "G18" in text
+    assert (np.abs(read_back.end_mm - (10, 10, -5)).max(axis=1) < 2e-3).sum() == 1
 
 
 def test_text_names_what_changes_and_nothing_else():
