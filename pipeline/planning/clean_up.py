@@ -201,7 +201,8 @@ def _fall_together(places_mm, middles_mm):
 
 
 def _chained(points_mm, gap_mm):
-    """[(k, 3)] points (n, 3) in rows from neighbour to neighbour within a gap in plan; a lone one goes a bit on."""
+    """[(k, 3)] points (n, 3) in rows from neighbour to neighbour within a gap in plan; a lone one goes a bit on, as do those that
+    stand one above another in an upright fillet."""
     left, lines = np.ones(len(points_mm), bool), []
     while left.any():
         start = np.flatnonzero(left)
@@ -212,7 +213,8 @@ def _chained(points_mm, gap_mm):
             line.append(points_mm[at])
             away = np.where(left, np.sqrt(((points_mm[:, :2] - points_mm[at, :2]) ** 2).sum(axis=1)), np.inf)
             at = int(away.argmin()) if away.min(initial=np.inf) <= gap_mm else -1
-        lines.append(np.array(line if len(line) > 1 else [*line, line[0] + (LONE_STEPS * gap_mm, 0.0, 0.0)]))
+        is_lone = np.ptp(np.array(line)[:, :2], axis=0).max() < LONE_STEPS * gap_mm
+        lines.append(np.array([line[0], line[0] + (LONE_STEPS * gap_mm, 0.0, 0.0)] if is_lone else line))
     return lines
 
 

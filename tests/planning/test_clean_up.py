@@ -64,6 +64,13 @@ def test_only_middles_that_crowd_are_joined():
     assert sorted(len(row) for row in rows) == [2, 4] and np.abs(np.diff(max(rows, key=len)[:, 0])).max() == 1.0
 
 
+def test_middles_one_above_another_have_one_pass_that_leads_somewhere():
+    """In the upright end of a slot as round as the ball: a line from one to the next had no length in plan."""
+    rows = _chained(np.array([[3.0, 1.0, 0.0], [3.0, 1.0, 0.5], [3.0, 1.0, 1.0], [9.0, 0.0, 0.0]]), 1.5)
+    assert len(rows) == 2 and all(np.linalg.norm(np.diff(row[:, :2], axis=0), axis=1).min() > 0.1 for row in rows)
+
+
+
 def test_what_a_context_lets_go_of_is_made_again_as_it_was(context):
     """What is large goes, for an operation's own context too; drops on it are the same to the last bit."""
     whole, own = context, context.of(context.operation, ())
