@@ -304,8 +304,9 @@ def _refuse_compensation(work):
     """
     operation, is_on = work.operation, work.operation.compensation is not None
     for is_so, what in ((operation.worn_mm is not None and not is_on, "worn_mm goes with compensation: leave it out"),
-                        (is_on and work.setup.indexed, "an indexed position leans the tool, and controls compensate upright: leave "
-                         "compensation out"),
+                        (is_on and work.setup.indexed and not work.machine.is_along_z_turned,
+                         f"{work.machine.name} does not compensate in an indexed position, where its tool is along no Z of the "
+                         "control: leave compensation out"),
                         (is_on and work.plating_mm > 0, "a part that is plated is cut by a radius that is none of the tool table: "
                          "leave compensation out"),
                         (is_on and operation.lead_radius_mm == 0, "compensation begins on an arc: give lead_radius_mm")):

@@ -88,7 +88,10 @@ def clamping_program(plans, header, name):
 
 
 def _posted_operation(planned, plan):
-    """An operation seen from its clamping's WCS; in an indexed position its axis leans, and its arcs are chords."""
+    """An operation seen from its clamping's WCS; in an indexed position its axis leans, and its arcs are chords.
+
+    What the control is to run beside keeps its arcs, about that axis.
+    """
     setup, turn = plan.setup, plan.setup.turn
     into = lambda points: setup.clamped_frame.into(turn.out(points))
     same = {"name": planned.name, "tool": planned.tool, "spindle_rpm": planned.rpm, "coolant": planned.coolant,
@@ -103,6 +106,7 @@ def _posted_operation(planned, plan):
     axis, first = setup.clamped_frame.turn_into(np.array([setup.wcs_z])), [*first.tolist(), len(moves)]
     said = tuple(replace(c, first=first[c.first], end=first[c.end]) for c in planned.cycles if c.pitch_mm or c.dwell_s)
     return Operation(**same, cycles=said, level_mm=plan.level_mm,
+                     compensated=tuple(c.moved(into).among(first) for c in planned.compensated),
                      moves=replace(_moved(moves, into), axis=np.repeat(axis, len(moves), axis=0)),
                      rpm_changes=tuple((first[k], rpm) for k, rpm in planned.rpm_changes))
 

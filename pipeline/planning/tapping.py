@@ -55,7 +55,7 @@ def tapped_holes(work):
     if not work.machine.control.rigid_tapping:
         raise PlanError(f"{title}: {work.machine.name} does not tap (rigid_tapping = false in its file): mill the threads "
                         "(thread_mill), or choose another machine")
-    if work.setup.indexed and not work.machine.taps_turned:
+    if work.setup.indexed and not work.machine.is_along_z_turned:
         raise PlanError(f"{title}: {work.machine.name} does not tap in an indexed position, where its tool is along no Z of the "
                         "control: mill the threads (thread_mill), or give them a setup of their own")
     threads, by_tool = threads_of(work), {}

@@ -21,7 +21,7 @@ class CompensatedContour:
 
     first: int                      # of the operation's moves it stands for `first` to `end`
     end: int
-    contour: Moves                  # as programmed: the way in, the contour, the way out
+    contour: Moves                  # as programmed: the way in, the contour, the way out; arcs run about the tool's axis
     row: np.ndarray                 # (n,) of its moves, the operation's move whose feed it takes
     worn_mm: float                  # by which the radius in the register may be smaller than the cutter's own
 
@@ -31,10 +31,14 @@ class CompensatedContour:
             raise ToolpathError("a compensated contour without a way in, a contour and a way out")
 
     def moved(self, into):
-        """The same with its places seen from another frame whose axes are the same; `into`: (n, 3) -> (n, 3)."""
+        """The same with its places seen from another frame, in which the tool may lean; `into`: (n, 3) -> (n, 3)."""
         m = self.contour
         return replace(self, contour=replace(m, start_mm=into(m.start_mm[None])[0], end_mm=into(m.end_mm),
                                              center_mm=into(m.center_mm)))
+
+    def among(self, first):
+        """The same of an operation whose moves are others: move k is there from `first[k]` to `first[k + 1]`."""
+        return replace(self, first=int(first[self.first]), end=int(first[self.end]), row=[first[k] for k in self.row.tolist()])
 
     def later(self, by):
         """The same of an operation with so many moves more before."""

@@ -16,7 +16,8 @@ BED = "bed"                         # stands still, between what moves the part 
 UPRIGHT = (0.0, 0.0, 1.0)
 ALONG = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": UPRIGHT}
 ROTARIES = "ABC"
-PLANES = "G43.4", "G234", "TCPM"      # tip controls of posts that put indexed positions into a plane whose Z is the tool
+PLANES = "G43.4", "TCPM"              # tip controls of posts that put indexed positions into a plane whose Z is the tool,
+TABLE_PLANES = ("G234",)            # and where only tables turn
 MOST_TURNS = 40
 M_CODE = r"^M(?:0|[1-9]\d{0,2})$"
 NO_COOLANT = ("M0", "M1", "M2", "M3", "M4", "M5", "M6", "M13", "M14", "M19", "M29", "M30", "M97", "M98", "M99")
@@ -335,13 +336,16 @@ class Machine(Sparse):
         return tuple(letter for letter in self.chain if letter in ROTARIES)
 
     @property
-    def taps_turned(self):
-        """Whether it taps in indexed positions: the tool is along Z of a plane of the control, or of the joints' words."""
+    def is_along_z_turned(self):
+        """Whether in indexed positions the tool is along a Z of the control's, of a plane or of the joints' words.
+
+        There it taps, and the control runs beside contours (G41).
+        """
         control = self.control
         if control.tip_control in PLANES or control.swivel_record is not None:
             return True
-        turns_part = self.chain[:self.chain.index(BED)]
-        return control.tip_control is None and all(letter in turns_part for letter in self.rotaries)
+        turned = self.chain[:self.chain.index(BED)]
+        return control.tip_control in (None, *TABLE_PLANES) and all(letter in turned for letter in self.rotaries)
 
     def direction_of(self, letter):
         """Of an axis, as its file says it, or along its letter."""

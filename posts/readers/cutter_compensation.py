@@ -57,6 +57,11 @@ class Element(NamedTuple):
         way = self.end - self.start if self.center is None else 1j * self.turn * (place - self.center)
         return way / _length(way)
 
+    @property
+    def length_mm(self):
+        """Of its way in the plane."""
+        return abs(self.end - self.start) if self.center is None else abs(self.start - self.center) * (self.sweep(self.end) or tau)
+
     def sweep(self, place):
         """Angle from an arc's start to a place on its circle, 0 to a whole turn."""
         return cmath.phase((place - self.center) / (self.start - self.center)) * self.turn % tau

@@ -133,7 +133,7 @@ class _Tnc:
         self.controller, self.name = controller, None
         self.pole, self.plane = None, Plane.XY      # {"X": place, ...} of the last CC, and the plane of its axes
         self.tapping = {}               # Q parameters of cycle 207, where it was the last that CYCL CALL may run
-        self.drilling = ()              # (cycle, Q parameters) of 200, 201 or 203, where it was the last
+        self.drilling = ()              # (cycle, Q parameters) of 200, 201, 203 or 205, where it was the last
         self.shifts = set()             # axes whose datum shift has been taken back since cycle 7 began
 
     def executed(self, blocks):
@@ -214,7 +214,7 @@ class _Tnc:
                 raise Complaint("cycle 9.1 without its time", "write CYCL DEF 9.1 DWELL and the seconds")
             return [(("g", 4.0), ("p", number(words[-1])))]
         raise Complaint(f"cycle {cycle or 'without a number'}",
-                        "known are 7 (all zero), 9, 32, 200, 201, 203, 207 and 247: write other cycles out as moves")
+                        "known are 7 (all zero), 9, 32, 200, 201, 203, 205, 207 and 247: write other cycles out as moves")
 
     def _define_taps(self, words):
         given = _parameters(words)
@@ -228,7 +228,7 @@ class _Tnc:
         """The cycle that was defined last, where the tool stands."""
         if not (self.tapping or self.drilling) or rest:
             raise Complaint("CYCL CALL without a cycle before it, or with other words",
-                            "define cycle 200, 201, 203 or 207, then write CYCL CALL alone")
+                            "define cycle 200, 201, 203, 205 or 207, then write CYCL CALL alone")
         if self.controller.is_tip and self.controller.tilted is None:
             raise Complaint("CYCL CALL under FUNCTION TCPM", "drill there move by move, or in a tilted plane")
         if self.drilling:

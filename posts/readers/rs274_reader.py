@@ -22,6 +22,7 @@ from cuspline.posts.readers.rs274_arcs import (
     MM_PER_INCH,
     center_from_radius,
     check_radii,
+    chords,
     is_same_point,
     sweep_rad,
 )
@@ -503,10 +504,23 @@ class Controller:
                 (self.shifted is not None, "another in force", "write G40 before"),
                 (self.plane != Plane.XY, f"the {self.plane.name} plane", "write G17"),
                 (self.is_inverse_time, "G93", "write G94"),
-                (self.is_tip or self.tilted is not None or any(self.turned), "rotary axes off 0", "leave them at 0"),
+                (self.is_tip and self.tilted is None, "tool-centre-point control", "switch it off before"),
+                (not self._is_along_z(), "a tool that is not along Z", "turn the part until it is, or tilt the plane to it"),
                 (self.cycle is not None, "a canned cycle", "write G80 before")):
             if is_so:
                 raise Complaint(f"{name} with {what}", advice)
+
+    def _is_along_z(self):
+        """Whether the tool is along the words' Z: in a tilted plane, with the rotaries at 0, or where the part alone has turned."""
+        if self.tilted is not None or not any(self.turned):
+            return True
+        if not isfinite(sum(self.turned)):
+            return False
+        angles = np.radians(self.turned)
+        with suppress(PostError):
+            z, axis = self.chain.linear_axes(angles).rotation[:, 2], self.chain.forward([[0.0, 0.0, 0.0, *angles]])[1][0]
+            return bool(np.abs(z - axis).max() < PLANE_RAD)
+        return False
 
     def _refuse_beside_contour(self, steps):
         other = [code.name for code in steps if code.group not in ("motion", "move", "feed", "cutter compensation", "distance")
@@ -520,6 +534,8 @@ class Controller:
                           None if kind <= Kind.FEED else complex(*center[:2]), 1.0 if kind == Kind.ARC_CCW else -1.0)
         if element.start == element.end and element.center is None:
             raise Complaint("a block without a way in X or Y while cutter compensation is on", "write G40 before it")
+        if self.turned != self.turned_before:
+            raise Complaint("a rotary axis that turns while cutter compensation is on", "write G40 before it")
         self.tip = end
         if not self.is_leaving:
             self.contour.append(element)
@@ -542,7 +558,7 @@ class Controller:
             center = UNKNOWN
             if e.center is not None:
                 kind, center = Kind.ARC_CCW if e.turn > 0 else Kind.ARC_CW, (e.center.real, e.center.imag, start[2])
-            self.minutes = abs(e.end - e.start) / e.feed if e.feed else 0.0
+            self.minutes = e.length_mm / e.feed if e.feed else 0.0
             self._add(kind, start, end, center, 0, e.feed)
         self.register = 0
 
@@ -559,8 +575,8 @@ class Controller:
             raise Complaint("axis words, but no G0 G1 G2 G3 is active", "write the motion code in this block")
         kind, start = KINDS[self.motion], self.tip
         self._refuse_half_way()
-        if self.tilted is not None and (kind > Kind.FEED or not set(self.rotaries).isdisjoint(values)):
-            raise Complaint("an arc or a rotary word in a tilted plane", "write chords, and G69 before rotary axes turn")
+        if self.tilted is not None and not set(self.rotaries).isdisjoint(values):
+            raise Complaint("a rotary word in a tilted plane", "write G69 before rotary axes turn")
         if self.unsaid:
             self._rely_on(relied_on(kind, values, self.is_machine_move))
         self._remark_offsets(needs_length=kind != Kind.RAPID or "z" in values and not self.is_machine_move)
@@ -684,8 +700,11 @@ class Controller:
         if kind != Kind.RAPID and turned != self.turned and not (self.is_tip or self.is_inverse_time):
             raise Complaint("a cutting move that turns rotary axes under G94 without tool-centre-point control",
                             "switch it on before (M428, G43.4 H), or state times by G93: F would be of X Y Z alone")
-        if kind > Kind.FEED and (any(turned) or any(self.turned)):
-            raise Complaint("an arc while a rotary axis is off 0", "write chords: the joints, not the tip, would run on the arc")
+        if kind > Kind.FEED and turned != self.turned:
+            raise Complaint("an arc while a rotary axis turns", "write chords: the joints, not the tip, would run on the arc")
+        if kind > Kind.FEED and any(turned) and self.is_tip and self.tilted is None:
+            raise Complaint("an arc while a rotary axis is off 0 under tool-centre-point control",
+                            "write chords: controls differ in its plane then")
         if any(self.tool_offset[:2]) and any(turned):
             raise Complaint("an angle head while a rotary axis is off 0", "leave the rotary axes at 0")
         return turned
@@ -700,6 +719,14 @@ class Controller:
         return length_mm / self.feed or turned_deg * self.length_unit_mm() / self.feed
 
     def _add(self, kind, start, end, center, turns, feed):
+        """One move as it is made; arcs that lean in the WCS, where no plane holds them, as chords."""
+        if kind > Kind.FEED and (self.tilted is not None or any(self.turned)):
+            ways = chords(start, end, center, self.plane.axes, (kind == Kind.ARC_CW, turns))
+            minutes = self.minutes / len(ways)
+            for before, after in zip([start, *ways], ways):
+                self.minutes = minutes
+                self._add(Kind.FEED, before, after, UNKNOWN, 0, feed)
+            return
         machine = [t + s for t, s in zip(end, self._shift())]
         self.tip = end
         if self.tilted is not None:

@@ -15,10 +15,12 @@ from cuspline.program.joint_times import block_seconds, driven_seconds, rounded_
 from cuspline.program.program import TILT_RAD, Kind, Plane
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import PostError
+from cuspline.values.frames import Frame
 from cuspline.values.units import MM
 
 JOINT_SHARE = 0.5           # of the path tolerance: how far tip and cutting edge may leave the plan between two blocks
 CORNER_SHARE = 0.9          # of it: how far the tip may leave a corner between two blocks, where the plan is and no chord is off
+STANDS_RAD = 1e-6           # between the tool and Z
 LEANING_BLEND_SHARE = 0.25  # of it, for G64 P, which counts corners of X Y Z alone
 
 
@@ -32,6 +34,7 @@ class PlainMoves:
 
     notes, is_tip = (), False
     joint_s = None              # seconds through the joints of a tool that leans
+    frame = None                # Frame in the WCS that its words are in; None: the WCS
 
     def __init__(self, operation, rotaries):
         self.operation, moves = operation, operation.moves
@@ -154,6 +157,21 @@ class SolvedMoves:
     def at_mm(self):
         """(n + 1, 3) words where each move begins, and where the last ends."""
         return self.starts_mm
+
+    @property
+    def frame(self):
+        """Frame in the WCS that the words are in, while nothing turns and the tool is along Z.
+
+        Raises:
+            PostError: something turns, or the tool leans.
+        """
+        run = self.run
+        axes = run.chain.linear_axes(run.joints[0, 3:])
+        z, axis = axes.rotation[:, 2], run.chain.forward(run.joints[:1])[1][0]
+        if run.turns or np.abs(z - axis).max() > STANDS_RAD:
+            raise PostError(f"operation {run.name}: the control would shift its contour across Z, and the tool is not along it: "
+                            "leave compensation out, or choose a machine that turns the part, or whose control takes planes")
+        return Frame(rotation=axes.rotation, origin_mm=axes.out((axes.into(run.tips[:1]) - self.words_mm[:1]))[0])
 
     def driven_s(self, blend_mm):
         """How long the control takes, with this P of G64."""

@@ -401,7 +401,7 @@ class _Files:
             self.dialect.halt(self.writer, pause.is_optional)
 
     def _laid(self, operation):
-        """PlainMoves, DrilledMoves, SolvedMoves, TipMoves or TiltedMoves of an operation.
+        """PlainMoves, DrilledMoves, CompensatedMoves, SolvedMoves, TipMoves or TiltedMoves of an operation.
 
         Raises:
             PostError: its spindle changes its speed, or it pauses, where that is not written; it leans, and the control has no
@@ -413,12 +413,15 @@ class _Files:
         if operation.rpm_changes and (operation.cycles or operation.compensated):
             raise PostError(f"operation {operation.name}: the speed of the spindle changes among its moves, which goes without "
                             "cycles and without cutter compensation: give it one speed")
-        if operation.compensated:
-            if leans(operation.moves) or self.machine.control.arc_centres == "R":
-                raise PostError(f"operation {operation.name}: cutter compensation goes with an upright axis, and arcs by their "
-                                "centres: leave compensation out")
-            return CompensatedMoves(operation, self.machine.rotaries)
+        if operation.compensated and self.machine.control.arc_centres == "R":
+            raise PostError(f"operation {operation.name}: cutter compensation goes with arcs by their centres: "
+                            "leave compensation out")
         laid = self._laid_leaning(operation) if leans(operation.moves) else PlainMoves(operation, self.machine.rotaries)
+        if operation.compensated:
+            if isinstance(laid, TipMoves):
+                raise PostError(f"operation {operation.name}: cutter compensation of a tool that leans does not go with "
+                                f"{self.machine.control.tip_control}: leave compensation out")
+            return CompensatedMoves(laid, operation)
         if not operation.cycles:
             return laid
         if isinstance(laid, TipMoves):

@@ -13,14 +13,20 @@ from cuspline.design.job import read_job, read_tools
 from cuspline.values.errors import ReadError
 from cuspline.verification.verdict import Options
 
-PART = Path(__file__).parent.parent / "parts" / "compensated_boss.py"
+PARTS = Path(__file__).parent.parent / "parts"
 COARSE = Options(spacing_mm=2.0, solid_pitch_mm=1.5, replay_pitch_mm=0.7, tessellation_mm=0.01)
 
 
-@pytest.fixture(scope="module")
-def boss(tmp_path_factory):
-    """Output folder of the block, posted; not to be edited."""
-    return built_once(tmp_path_factory, "compensated_boss", PART, "--stage", "gcode")
+@pytest.fixture(scope="module", params=["compensated_boss", "compensated_turned"])
+def boss(request, tmp_path_factory):
+    """Output folder of the block, posted; not to be edited.  The second is cut from its side, in an indexed position."""
+    return built_once(tmp_path_factory, request.param, PARTS / f"{request.param}.py", "--stage", "gcode")
+
+
+def only_program(boss):
+    """Name of its only program."""
+    path, = boss.glob("*.ngc")
+    return path.name
 
 
 def spoilt(boss, tmp_path, name, change):
@@ -49,7 +55,7 @@ def test_a_register_that_is_not_the_tool_s_is_found(boss, tmp_path):
 
 def test_a_contour_on_its_other_side_is_found(boss, tmp_path):
     with pytest.raises(ReadError, match=r"an inner arc of 6.000 mm, and 8.000 mm in D1"):
-        spoilt(boss, tmp_path, "setup-1.ngc", lambda text: text.replace("G41", "G42"))
+        spoilt(boss, tmp_path, only_program(boss), lambda text: text.replace("G41", "G42"))
 
 
 def test_a_worn_cutter_whose_register_stays_as_it_was_leaves_stock_and_is_found(boss):

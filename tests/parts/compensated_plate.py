@@ -7,8 +7,10 @@ from pathlib import Path
 
 import numpy as np
 from known_tools import tool
+from positioned_mills import leaning_frame
 
 import cuspline.posts
+from cuspline.program.arcs import straightened
 from cuspline.program.program import MoveWriter, Operation, Program
 from cuspline.shop.machines import machine_from_toml
 from cuspline.toolpaths.prismatic.compensated_path import compensated_contour, is_move, with_straight_ways
@@ -57,6 +59,17 @@ def program(height_mm=-5.0):
                    header=("PLATE",))
 
 
+def turned_contour():
+    """Its operation along a leaning axis, as plans hand it over."""
+    planned, frame = program().operations[0], leaning_frame()
+    moves, first = straightened(planned.moves, 0.002)
+    moves = replace(moves, start_mm=frame.out(moves.start_mm[None])[0], end_mm=frame.out(moves.end_mm),
+                    axis=np.tile(frame.rotation[:, 2], (len(moves), 1)))
+    one, = planned.compensated
+    return replace(planned, moves=moves, level_mm=LEVEL,
+                   compensated=(one.moved(frame.out).among([*first.tolist(), len(moves)]),))
+
+
 def posted(post, **operation):
     """Its text; `operation`: fields of its operation that are others."""
     made = program()
@@ -72,3 +85,18 @@ def read(post, text, radius_mm=RADIUS):
     machine = MACHINES[post]
     return reader.read_program(text, work_offsets={"G54": machine.wcs_origin_mm},
                                tool_lengths={t.number: t.length_mm for t in (TOOL, OTHER)}, tool_radii={3: radius_mm, 4: 4.0})
+
+
+def away_mm(points):
+    """(n,) distance to the outline, by brute force along its straight edges and its one round corner."""
+    p, best = np.array(PLACES, float), np.full(len(points), np.inf)
+    for k, (a, b) in enumerate(zip(p, np.roll(p, -1, axis=0))):
+        d = (b - a) / np.hypot(*(b - a))
+        low, high = ROUNDED.get(k, 0.0), np.hypot(*(b - a)) - ROUNDED.get((k + 1) % len(p), 0.0)
+        s = np.clip((points - a) @ d, low, high)
+        best = np.minimum(best, np.hypot(*(points - a - s[:, None] * d).T))
+    for k, r in ROUNDED.items():
+        from_middle = points - (p[k] + r)
+        inside = (from_middle < 0).all(axis=1)
+        best = np.where(inside, np.minimum(best, np.abs(r - np.hypot(*from_middle.T))), best)
+    return best

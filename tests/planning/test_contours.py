@@ -1,6 +1,7 @@
 """Contours planned round outlines and windows, and chamfers: exact distances, ways down, what is refused."""
 
 import cadquery as cq
+import compensated_turned
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
@@ -130,3 +131,9 @@ CHAMFERED = {"center_min_mm": (-1, -1, Z - 0.9), "center_max_mm": (X + 1, Y + 1,
 def test_what_cannot_be_done_is_refused(solid, operation, faces, setup, why):
     with pytest.raises(CamError, match=why):
         planned(solid, operation, faces, **setup)
+
+
+def test_where_no_z_is_along_the_tool_no_contour_is_compensated():
+    design = compensated_turned.design(Parameters())
+    with pytest.raises(CamError, match="contour: mill_head_head does not compensate in an indexed position, .* leave"):
+        plan_setup(design, design.setups[0], catalogue.find_machine("mill_head_head"), SHOP)

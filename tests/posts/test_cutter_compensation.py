@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from compensated_plate import PLACES, RADIUS, ROUNDED, TOOL, WORN, posted, program, read
+from compensated_plate import RADIUS, TOOL, WORN, away_mm, posted, program, read
 
 from cuspline.program.arcs import Arc
 from cuspline.program.program import Kind, Plane
@@ -31,21 +31,6 @@ def places(moves, rows):
             arc = Arc(moves.start_mm[k], moves.end_mm[k], moves.center_mm[k], Plane.XY, moves.kind[k])
             out.append(np.array([arc.at(s)[:2] for s in share]))
     return np.vstack(out)
-
-
-def away_mm(points):
-    """(n,) distance to the outline, by brute force along its straight edges and its one round corner."""
-    p, best = np.array(PLACES, float), np.full(len(points), np.inf)
-    for k, (a, b) in enumerate(zip(p, np.roll(p, -1, axis=0))):
-        d = (b - a) / np.hypot(*(b - a))
-        low, high = ROUNDED.get(k, 0.0), np.hypot(*(b - a)) - ROUNDED.get((k + 1) % len(p), 0.0)
-        s = np.clip((points - a) @ d, low, high)
-        best = np.minimum(best, np.hypot(*(points - a - s[:, None] * d).T))
-    for k, r in ROUNDED.items():
-        from_middle = points - (p[k] + r)
-        inside = (from_middle < 0).all(axis=1)
-        best = np.where(inside, np.minimum(best, np.abs(r - np.hypot(*from_middle.T))), best)
-    return best
 
 
 @pytest.mark.parametrize("post", ARCS)

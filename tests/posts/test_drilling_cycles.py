@@ -260,6 +260,48 @@ SPOILT = [
     ("mill_heidenhain", "drill", "Q202=+7", "Q202=+0", "with strokes of 0")]
 
 
+PECKING = {"Q200": 1, "Q201": -12, "Q206": 240, "Q202": 5, "Q203": 2, "Q204": 18, "Q212": 0, "Q205": 0, "Q258": 0.5, "Q259": 0.5,
+           "Q257": 0, "Q256": 0.2, "Q211": 0, "Q379": 0, "Q253": 750, "Q208": 99999, "Q395": 0}
+
+
+def pecking(**q):
+    """Text of a hole by cycle 205 in place of 200; None: the parameter is left out."""
+    text, _ = posted("mill_heidenhain", operation([hole("drill", 10, 10)]))
+    rows = " ~\n".join(f"  {name}={value:+g} ;" for name, value in (PECKING | q).items() if value is not None)
+    begin, end = text.index("CYCL DEF 200"), text.index("DEPTH REFERENCE") + len("DEPTH REFERENCE")
+    return f"{text[:begin]}CYCL DEF 205 UNIVERSAL PECKING ~\n{rows}{text[end:]}"
+
+
+OLDER, UP = {"Q208": None, "Q395": None}, [(3, 0)]
+WAYS = {        # what is said: (parameters, heights of the tip and feeds from the first cut on to the last way up)
+    "even strokes": ({}, [(-3, 240), *UP, (-2.5, 0), (-8, 240), *UP, (-7.5, 0), (-10, 240), (20, 0)]),
+    "an older control's": (OLDER, [(-3, 240), *UP, (-2.5, 0), (-8, 240), *UP, (-7.5, 0), (-10, 240), (20, 0)]),
+    "lessening strokes": ({"Q212": 2, "Q205": 2}, [(-3, 240), *UP, (-2.5, 0), (-6, 240), *UP, (-5.5, 0), (-8, 240), *UP, (-7.5, 0),
+                                                   (-10, 240), (20, 0)]),
+    "chips broken alone": ({"Q202": 12, "Q257": 5}, [(-3, 240), (-2.8, 0), (-8, 240), (-7.8, 0), (-10, 240), (20, 0)]),
+    "chips broken between": ({"Q202": 8, "Q257": 4}, [(-2, 240), (-1.8, 0), (-6, 240), *UP, (-5.5, 0), (-10, 240), (20, 0)]),
+    "up at a feed": ({"Q202": 6, "Q208": 900}, [(-4, 240), (3, 900), (-3.5, 0), (-10, 240), (3, 900), (20, 0)])}
+
+
+@pytest.mark.parametrize("said", WAYS)
+def test_cycle_205_goes_as_its_parameters_say(said):
+    q, way = WAYS[said]
+    moves = read(pecking(**q), "mill_heidenhain")
+    first = int(np.flatnonzero(moves.kind == Kind.FEED)[0])
+    made = [(round(float(z), 9), float(f)) for z, f in zip(moves.end_mm[first:, 2], moves.feed_mm_per_min[first:])][:len(way)]
+    assert made == way and moves.remarks == () and (moves.end_mm[first:first + len(way), :2] == 10).all()
+
+
+@pytest.mark.parametrize("q, why", [
+    ({"Q379": 2}, "begins in a hole"), ({"Q259": 0.2}, "changes, or is none"), ({"Q258": 0, "Q259": 0}, "changes, or is none"),
+    ({"Q212": 1}, "to nothing"), ({"Q257": 3}, "no multiple of Q257"), ({"Q257": 5, "Q256": 0}, "breaks of chips are none"),
+    ({"Q395": 1}, "counts to the full diameter"), ({"Q212": -1}, "below 0"), ({"Q202": 0}, "with strokes of 0"),
+    ({"Q253": None}, "without all of its parameters"), ({"Q208": None}, "without all of its parameters")])
+def test_a_cycle_205_that_may_go_in_more_than_one_way_is_refused(q, why):
+    with pytest.raises(ReadError, match=why):
+        read(pecking(**q), "mill_heidenhain")
+
+
 @pytest.mark.parametrize("machine, kind, old, new, why", SPOILT)
 def test_a_call_that_is_half_said_is_refused(machine, kind, old, new, why):
     text, _ = posted(machine, operation([hole(kind, 10, 10), hole(kind, 30, 10)]))

@@ -24,7 +24,7 @@ from known_tilted import (
 
 from cuspline.posts.writers import linuxcnc
 from cuspline.posts.writers.program_files import posted
-from cuspline.program.program import Kind, MoveWriter
+from cuspline.program.program import Kind, MoveWriter, Plane
 from cuspline.values.errors import PostError, ReadError
 
 ROUNDING_MM = 2e-4          # four decimals of a length, five of a degree 300 mm from a rotary
@@ -185,11 +185,27 @@ HEAD = "G21\nG17 G90 G91.1 G94 G40 G49 G80 G92.1\nG64 P0.01\nG54\nT7 M6\nG43 H7\
 @pytest.mark.parametrize("text, message", [
     ("G0 X0 Y0 Z5\nG1 X1 F100\nM2", "a cutting move while nobody knows where C A stands"),
     ("G0 X0 Y0 Z5 C0\nG1 X1 F100\nM2", "a cutting move while nobody knows where A stands"),
-    ("G0 X0 Y0 Z5 A10 C0\nG1 X1 F100\nG2 X2 Y0 I0.5 J0\nM2", "an arc while a rotary axis is off 0"),
+    ("G0 X0 Y0 Z5 A10 C0\nG93\nG1 X1 F9\nG2 X2 Y0 I0.5 J0 A20 F9\nM2", "an arc while a rotary axis turns"),
     ("G0 X0 Y0 Z5 B0\nM2", "uses B")])
 def test_what_a_machine_with_rotaries_cannot_know_is_refused(text, message):
     with pytest.raises(ReadError, match=message):
         read(machine("mill_trunnion_ac"), HEAD + text + "\n")
+
+
+@pytest.mark.parametrize("plane, arc", [("G17", "G2 X2 Y0 Z-3 I1 J0 P2"), ("G18", "G3 X2 Z5 I1 K0"), ("G19", "G2 Y4 Z5 J2 K0")])
+def test_an_arc_while_the_part_stands_turned_is_that_arc_turned(plane, arc):
+    mill = machine("mill_trunnion_ac")
+    rows = lambda angles: HEAD + f"G0 X0 Y0 Z5 {angles}\n{plane}\n{arc} F100\nM2\n"
+    there, here = read(mill, rows("A10 C20")), read(mill, rows("A0 C0"))
+    turned, flat = there.kind > Kind.RAPID, here.kind > Kind.RAPID
+    frame, begins, center = mill.kinematics.linear_axes(np.radians([20.0, 10.0])), here.start_mm[flat], here.center_mm[flat]
+    seen = frame.into(there.end_mm[turned]) - frame.into(there.start_mm[turned][:1]) + begins
+    axes = list(Plane(here.plane[flat][0]).axes[:2])
+    off = np.linalg.norm((seen - center)[:, axes], axis=1) - np.linalg.norm((begins - center)[:, axes])
+    way = np.linalg.norm(there.end_mm[turned] - there.start_mm[turned], axis=1).sum()
+    assert np.abs(off).max() < 1e-9 and np.abs(seen[-1:] - here.end_mm[flat]).max() < 1e-9
+    assert way == pytest.approx(np.hypot(np.pi * 3, 8) if plane == "G17" else np.pi * (1 if plane == "G18" else 2), rel=1e-3)
+    assert there.feed_mm_per_min[turned] == pytest.approx(100.0, rel=1e-3)
 
 
 def test_a_machine_without_rotaries_takes_no_rotary_words():

@@ -4,47 +4,28 @@ import dataclasses
 
 import numpy as np
 import pytest
-from known_machines import leaning
 from known_tilted import LENGTHS, ROUNDING_MM, machine, program, read_with_tools
+from positioned_mills import ON_MACHINES, leaning_frame, mill
 from tapped_holes import tap
 
 from cuspline.app import catalogue
 from cuspline.program.drilling import DrillCycle, drilled
 from cuspline.program.program import Kind, Operation
 from cuspline.values.errors import PostError
-from cuspline.values.frames import Frame
 
 RPM, LEVEL_MM = 500.0, 20.0
 HOLES = ((10, 5, -9), (-4, 5, -9), (-4, 9, -11.5))
-CONTROLS = {"linuxcnc": {"post": "linuxcnc"}, "fanuc": {"post": "fanuc", "tip_control": "G43.4"},
-            "fanuc, joints": {"post": "fanuc"}, "haas": {"post": "haas", "tip_control": "G234"},
-            "heidenhain": {"post": "heidenhain", "tip_control": "TCPM"},
-            "siemens": {"post": "siemens", "tip_control": "TRAORI", "swivel_record": "TC1"}}
-TURNING_THE_PART, HEADS = ("mill_trunnion_ac", "mill_table_table"), ("mill_head_table_bc", "mill_head_head")
-IN_PLANES = [name for name in CONTROLS if "tip_control" in CONTROLS[name]]
-ON_MACHINES = [*((c, m) for c in CONTROLS for m in TURNING_THE_PART),
-               *((c, m) for c in IN_PLANES if c != "haas" for m in HEADS)]
 
 
-def mill(control, name):
-    m = machine(name, **CONTROLS[control])
-    x, y, z = m.wcs_origin_mm
-    return m.model_copy(update={"spindle": m.spindle.model_copy(update={"min_rpm": 100.0}),
-                                "wcs_origin_mm": (x, y, z + (80.0 if name in HEADS else 0.0))})
-
-
-def position(sign=1, tilt_deg=25.0, azimuth_deg=70.0, kind="tap"):
+def position(sign=1, kind="tap"):
     """(Operation of three holes along a leaning axis, Frame whose Z it is)."""
-    axis = leaning(tilt_deg, azimuth_deg)[0]
-    across = np.cross(axis, (0.3, 0.2, 0.1))
-    across /= np.linalg.norm(across)
-    frame = Frame(rotation=np.column_stack([across, np.cross(axis, across), axis]), origin_mm=np.zeros(3))
+    frame = leaning_frame()
     own = {"pitch_mm": float(sign)} if kind == "tap" else {"dwell_s": 0.5}
     holes = [DrillCycle(kind=kind, xy_mm=(x, y), bottom_z_mm=z, retract_z_mm=3.0, first=0, end=0, feed_mm_per_min=RPM, **own)
              for x, y, z in HOLES]
     moves, cycles = drilled(holes, LEVEL_MM, RPM)
     moves = dataclasses.replace(moves, start_mm=frame.out(moves.start_mm[None])[0], end_mm=frame.out(moves.end_mm),
-                                axis=np.tile(axis, (len(moves), 1)))
+                                axis=np.tile(frame.rotation[:, 2], (len(moves), 1)))
     return Operation(name="side", tool=tap(sign, 1.0), spindle_rpm=RPM, coolant="off", moves=moves, cycles=cycles,
                      level_mm=LEVEL_MM), frame
 
@@ -88,11 +69,11 @@ def test_a_dwell_at_the_bottom_stays(control, name):
 def test_where_no_z_of_the_control_is_along_the_tool_no_tap_is_posted(control, tip):
     m = mill(control, "mill_head_head")
     m = m.model_copy(update={"control": m.control.model_copy(update={"tip_control": tip})})
-    assert not m.taps_turned
+    assert not m.is_along_z_turned
     with pytest.raises(PostError, match=r"operation side: .*mill the thread"):
         text_of(m, position()[0])
 
 
 def test_machines_say_where_they_tap():
-    assert all(mill(c, m).taps_turned for c, m in ON_MACHINES)
-    assert not machine("mill_trunnion_ac", tip_control="M428").taps_turned and machine("mill_3axis").taps_turned
+    assert all(mill(c, m).is_along_z_turned for c, m in ON_MACHINES)
+    assert not machine("mill_trunnion_ac", tip_control="M428").is_along_z_turned and machine("mill_3axis").is_along_z_turned
