@@ -33,6 +33,7 @@ from cuspline.values.errors import CutterDoesNotFit, PlanError
 CORE_SHARE = 0.9            # of the cutter's radius: the innermost ring leaves no core
 ROOM_SHARE = 0.75           # of the hole's radius: larger cutters have no room for their chips
 MOST_RINGS = 4              # more is a pocket
+WAY_IN_SHARE = 0.6          # of the slot that a cutter takes: its arc in meets half as much again as the way round
 REACHED_MM = 1e-4
 
 
@@ -140,6 +141,17 @@ def _rings(work, tool, last_mm):
     return np.linspace(last_mm, first, math.ceil((last_mm - first) / step - 1e-9) + 1)[::-1].tolist()
 
 
+def _deepest_finish_mm(one, left_mm):
+    """How deep at a time a Bored takes the ring that its helices left: within its flutes, its chips no heavier than a slot's.
+
+        width = (R^2 - (R - left)^2) / 2 path      of a straight cut with as much of the ring a millimetre of way
+    """
+    cutter, radius = one.tool.cutter, one.bore.radius_mm
+    width = (radius**2 - (radius - left_mm)**2) / (2 * one.path_radius_mm)
+    highest = TERRACE_SHARE * cutter.flute_length_mm
+    return min(highest, WAY_IN_SHARE * cutter.deepest_slot_mm * cutter.diameter_mm / width) if width > 0 else highest
+
+
 def _roughed(work, bores, name):
     """The helices of the holes of one cutter; None where nothing stands in them."""
     tool = bores[0].tool
@@ -162,16 +174,17 @@ def _roughed(work, bores, name):
 
 
 def _finished(work, bores, name):
-    """Once round every hole at its bottom, or as deep as the flutes at a time."""
+    """Once round every hole at its bottom, or as deep as the cutter takes what the helices left at a time, from the stock's top."""
     tool = bores[0].tool
     rpm, feed = work.speeds(tool, is_rough=False)
-    highest, made = TERRACE_SHARE * tool.cutter.flute_length_mm, []
+    made = []
     for one in bores:
         path = one.path(one.path_radius_mm)
         elements, leads = closed_leads(work, tool, path, one.bottom_mm)
         way = (elements * (1 + work.operation.spring_passes), leads)
-        heights = np.linspace(one.bore.high_z_mm, one.bottom_mm, max(1, math.ceil(
-            (one.bore.high_z_mm - one.bottom_mm) / highest - 1e-9)) + 1)
+        top = max(one.bore.high_z_mm, one.top_mm)
+        count = max(1, math.ceil((top - one.bottom_mm) / _deepest_finish_mm(one, left_mm(work)) - 1e-9))
+        heights = np.linspace(top, one.bottom_mm, count + 1)
         for _, z in pairwise(heights.tolist()):
             made.append(one_pass(work, way, tool.cutter.radius_mm, z, feed))
     facts = {"holes": len(bores), "diameters_mm": sorted({round(2 * b.bore.radius_mm, 6) for b in bores}),

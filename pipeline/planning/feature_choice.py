@@ -33,7 +33,7 @@ CLEARED = ("pocket", "open pocket")
 LONG = 1.0                  # times its width, that a slot's middle is at least
 SLOT_WALLS = 6              # two long ones, what closes its ends
 LOWER_MM = 1e-3             # than the rim: an island whose top the pocket's floor finishing takes with it
-SAID = 2                    # reasons that are written out
+SAID = 3                    # reasons that are written out, each of another operation
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -66,10 +66,12 @@ class Featured:
         return replace(self, refused=(*self.refused, *refused))
 
     def why(self, faces):
-        """Why some faces are not made by what was tried before: "" nothing was."""
+        """Why some faces are not made by what was tried before, the first reason of each operation: "" nothing was."""
         found = list(dict.fromkeys(why for mine, why in self.refused if set(mine) & set(faces)))
-        more = [f"and {counted(len(found) - SAID, 'more reason')}"] if len(found) > SAID else []
-        return "; ".join([*found[:SAID], *more])
+        titles = [why.partition(":")[0] for why in found]
+        said = [why for k, why in enumerate(found) if titles[k] not in titles[:k]][:SAID]
+        more = [f"and {counted(len(found) - len(said), 'more reason')}"] if len(found) > len(said) else []
+        return "; ".join([*said, *more])
 
 
 def told_of(operations, why):

@@ -84,6 +84,21 @@ def test_helices_go_down_no_steeper_than_the_ramp_and_leave_no_core(bored_plan):
     assert radius.min() < bored_plan.operations[1].tool.cutter.radius_mm
 
 
+def test_what_helices_leave_in_a_tight_bore_is_taken_in_steps_from_the_top_of_the_stock():
+    part = tray().cut(at(-1, (X / 2, Y / 2)).circle(2.55).extrude(20))
+    plan = planned(part, library=catalogue.find_library("small_mills"))
+    bore = next(o for o in plan.operations if o.name == "bore")
+    cutter, moves = bore.tool.cutter, bore.moves
+    low = np.unique(moves.end_mm[moves.kind >= Kind.ARC_CW, 2])[::-1]       # the levels of its ways round
+    depths = -np.diff([TOP, *low])                                          # the pocket above is cut later
+    path = 2.55 - cutter.radius_mm
+    left = bore.facts["finish_allowance_mm"]
+    as_slot = depths * (2.55**2 - (2.55 - left)**2) / (2 * path) / cutter.diameter_mm
+    assert cutter.diameter_mm == 3.0 and low[-1] == pytest.approx(-0.5)
+    assert (1.5 * as_slot <= cutter.deepest_slot_mm * (1 + 1e-9)).all()    # 1.45 times it where its arc comes in
+    assert (depths <= cutter.flute_length_mm).all()
+
+
 def test_the_wall_of_a_pocket_is_no_bore():
     with pytest.raises(PlanError, match="is no wall of a hole"):
         planned(tray().cut(at(-1, (X / 2, Y / 2)).circle(7.3).extrude(20)), Bore(faces=("inside",)))

@@ -145,3 +145,11 @@ def test_between_walls_where_no_flat_cutter_comes_in_a_ball_clears_and_finishes(
                                                                       ("waterline", "ball 4 mm long neck")]
     assert "touches none of the faces" in facts(plan)["waterline"]["instead_of"]
     assert plan.area_reached_mm2 > 0.5 * plan.area_required_mm2
+
+
+def test_why_says_one_reason_of_each_operation_that_was_tried():
+    from cuspline.planning.feature_choice import Featured  # behind Auto, which it is a part of
+    refused = [((k,), f"drill: no drill makes the hole at {k}") for k in range(3)] + [((0, 1), "bore: T15 is too large")]
+    made = Featured().with_refused(refused)
+    assert made.why([0, 1, 2]) == "drill: no drill makes the hole at 0; bore: T15 is too large; and 2 more reasons"
+    assert made.why([2]) == "drill: no drill makes the hole at 2" and made.why([5]) == ""
