@@ -21,7 +21,7 @@ import numpy as np
 import cuspline
 from cuspline.app import mending
 from cuspline.app.catalogue import sources_of_post
-from cuspline.app.judge import begun, figures_in_words, post_module, posted_positions
+from cuspline.app.judge import begun, figures_in_words, left_in_words, post_module, posted_positions
 from cuspline.app.outcome import Result
 from cuspline.app.report_inputs import report_bundle, shape_of, view_of
 from cuspline.design.design import by_clamping
@@ -587,7 +587,9 @@ def _stamp_verdict(work, job, verify):
     """Put the verdict into each program's header, in place of the line that says there is none yet."""
     verdict, passed = "VERIFIED" if verify["ok"] else "REJECTED", sum(f["accepted"] for f in verify["findings"])
     short = f"VERDICT: {verdict}" + (f" WITH {counted(passed, 'accepted finding').upper()}" if passed else "")
-    _stamp(work, job, f"{short}, {figures_in_words(verify)}, {counted(verify['points_checked'], 'point')} checked".upper(), short)
+    checked, left = f"{counted(verify['points_checked'], 'point')} checked", left_in_words(verify["unreachable"])
+    whole = f"{short}, {figures_in_words(verify)}, {checked}".upper()
+    _stamp(work, job, whole, whole.replace(left.upper(), ""), short)
 
 
 def draft_in_words(found):
@@ -600,10 +602,11 @@ def draft_in_words(found):
             f"{counted(found['points_checked'], 'point')}")
 
 
-def _stamp(work, job, whole, short):
-    """Put words into each program's header where it says that there is no verdict; the short ones where lines are narrow."""
+def _stamp(work, job, *words):
+    """Put words into each program's header where it says that there is no verdict; the first that the control's lines hold, or
+    the last."""
     comment = post_module(job.machine).comment
-    line = comment(whole if len(comment(whole)) < job.machine.control.line_length else short)
+    line = next((c for c in map(comment, words) if len(c) < job.machine.control.line_length), comment(words[-1]))
     for name in job.program_names:
         path = work / name
         text = path.read_text()

@@ -50,6 +50,7 @@ from cuspline.verification.verdict import FirstLook, Judging, Options, SetupProg
 OF_BODIES = ("idle_operation", "plunge", "overload")       # kinds that say how a cutter takes stock off
 DRAFTED_WORST = ("gouge_max_mm", "excess_max_mm", "cusp_max_mm", "cusp_p99_mm")
 DRAFTED_SUMS = ("points_checked", "area_required_mm2", "area_reached_mm2", "area_unreachable_mm2")
+LEAST_SAID_MM2 = 0.05       # out of reach, that the verdict's line tells of
 CLOSER = 2.0                # as fine a look again, where the two verifiers differ: it may be their own resolution
 
 
@@ -95,7 +96,7 @@ class Judged:
 
     @property
     def figures_in_words(self):
-        """Gouge, cusp and the bound of both, in a few words."""
+        """See `figures_in_words` below."""
         return figures_in_words(self.verdict.as_dict())
 
     def as_dict(self, accepted):
@@ -426,14 +427,28 @@ def joined_files(parts, texts, tools):
 
 
 def figures_in_words(numbers):
-    """Gouge, cusp and the bound of both out of verify.json.
+    """Gouge, cusp and the bound of both out of verify.json, and what no cutter reaches.
 
-    >>> figures_in_words({"gouge_max_mm": 0.0022, "cusp_max_mm": 0.0096, "error_bound_mm": None})
+    >>> figures_in_words({"gouge_max_mm": 0.0022, "cusp_max_mm": 0.0096, "error_bound_mm": None, "unreachable": []})
     'gouge 0.0022, cusp 0.0096, error bound unknown'
     """
     bound = numbers["error_bound_mm"]
     return (f"gouge {numbers['gouge_max_mm']:.4f}, cusp {numbers['cusp_max_mm']:.4f}, error bound "
-            + ("unknown" if bound is None else f"{bound:.5f} mm"))
+            + ("unknown" if bound is None else f"{bound:.5f} mm") + left_in_words(numbers["unreachable"]))
+
+
+def left_in_words(unreachable):
+    """What no cutter reaches, to go on with; "" where that is next to nothing.
+
+    >>> left_in_words([{"area_mm2": 677.0, "largest_deviation_mm": 2.0}, {"area_mm2": 9.0, "stays_radius_mm": 1.5}])
+    ', 677.0 mm2 out of reach with up to 2.000 mm left, 9.0 mm2 in inner corners that stay R1.500'
+    """
+    corners, others = ([row for row in unreachable if ("stays_radius_mm" in row) is is_round] for is_round in (True, False))
+    most = lambda rows, name: max((row[name] or 0.0 for row in rows), default=0.0)
+    said = [(others, f"out of reach with up to {most(others, 'largest_deviation_mm'):.3f} mm left"),
+            (corners, f"in inner corners that stay R{most(corners, 'stays_radius_mm'):.3f}")]
+    areas = [(sum(row["area_mm2"] for row in rows), words) for rows, words in said]
+    return "".join(f", {area:,.1f} mm2 {words}" for area, words in areas if area >= LEAST_SAID_MM2)
 
 
 def lines_of(text):
