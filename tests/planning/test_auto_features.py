@@ -29,14 +29,14 @@ def hole(at, diameter):
     return cq.Workplane("XY", origin=(*at, -1)).circle(diameter / 2).extrude(20)
 
 
-def planned(solid, margin=0.3, shop=SHOP, **says):
+def planned(solid, margin=0.3, shop=SHOP, stock=StockBox(min_mm=(0, 0, 0), max_mm=(X, Y, Z)), **says):
     """SetupPlan of all faces of a block but its base, by Auto; a margin of -1 takes its sides and its top."""
     inner = FacePredicate(name="all", at_least=1, center_min_mm=(margin, margin, 0.3), normal=(0, 0, 1), normal_within_deg=91.0,
                           center_max_mm=(X - margin, Y - margin, Z - margin))
     bored = FacePredicate(name="bored", count=1, kinds=("cylinder",), area_min_mm2=18.8 * Z, area_max_mm2=18.95 * Z)
     design = Design(name="block", description="block", parameters=Parameters(), solid=solid.val(),
                     predicates=(inner, *([bored] if says else [])), material="aluminium_6061",
-                    stock=StockBox(min_mm=(0, 0, 0), max_mm=(X, Y, Z)),
+                    stock=stock,
                     finish=Finish(scallop_mm=0.3, profile_tolerance_mm=0.03, gouge_mm=0.03),
                     setups=(Setup(name="setup-1", faces=("all",), operations=(Auto(),), wcs_in_words="corner"),), **says)
     return plan_setup(design, design.setups[0], MACHINE, shop)
@@ -124,6 +124,13 @@ def test_a_panel_in_inches_is_made_with_tools_in_inches():
     assert {o.name: o.tool.cutter.name for o in plan.operations} == {
         "drill": "drill 5/32 in", **dict.fromkeys(("rough", "contour rough", "contour"), "flat 3/16 in")}
     assert plan.area_reached_mm2 == pytest.approx(plan.area_required_mm2)
+
+
+def test_a_top_that_is_flush_with_the_stock_is_not_cut():
+    """Of stock that stands out to the sides alone, a floor's passes over it would be idle; 0.2 mm above it they are not."""
+    stock = lambda more: StockBox(min_mm=(-3, -3, 0), max_mm=(X + 3, Y + 3, Z + more))
+    names = lambda more: [o.name for o in planned(block().cut(hole((10, 22), 8.0)), margin=-1, stock=stock(more)).operations]
+    assert names(0.0) == ["drill", "rough", "contour"] and "floor" in names(0.2)
 
 
 def window(at, size, corner):

@@ -29,6 +29,7 @@ HELIX_SHARE = 0.6           # of the tightest wall's radius: a cutter so small h
 GIVEN_UP_SHARE = 0.01       # of what a cutter clears: so much it may leave for lack of room
 CORNER_SHARE = 0.01         # of the area: what samples may miss beside walls that a flat cutter does reach
 WIDEST_CHAMFER_MM = 4.0     # high: larger strips are faces
+FLUSH_MM = 1e-4             # under the stock's top: a level face that far down needs no cut
 SWEPT = 1e-6                # of a unit normal along the way on which a face is swept
 ALONG = 0.98                # of a unit normal square to the section planes: passes in them leave such a wall to the next plane
 
@@ -357,7 +358,10 @@ def _corners(work, floor, planned):
 
 
 def _by_flat_cutter(work, floor):
-    """[what it must clear before, the floors]."""
+    """[what it must clear before, the floors]; none beside other operations where all of them are flush with the stock."""
     level = work.samples.normal[:, 2] > level_finishing.LEVEL
     before, stock = roughing.before_floors(work, floor.tool, np.flatnonzero(level))
+    places = work.samples.point_mm[level]
+    if work.planned and not before and len(places) and (stock(places[:, :2]) - places[:, 2]).max() <= FLUSH_MM:
+        return []
     return [*before, level_finishing.floors(work, floor.tool, floor.candidates, stock)]
