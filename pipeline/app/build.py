@@ -21,7 +21,7 @@ import numpy as np
 import cuspline
 from cuspline.app import mending
 from cuspline.app.catalogue import sources_of_post
-from cuspline.app.judge import begun, figures_in_words, left_in_words, post_module, posted_positions
+from cuspline.app.judge import begun, figures_in_words, post_module, posted_positions, told_in_words
 from cuspline.app.outcome import Result
 from cuspline.app.report_inputs import report_bundle, shape_of, view_of
 from cuspline.design.design import by_clamping
@@ -587,9 +587,8 @@ def _stamp_verdict(work, job, verify):
     """Put the verdict into each program's header, in place of the line that says there is none yet."""
     verdict, passed = "VERIFIED" if verify["ok"] else "REJECTED", sum(f["accepted"] for f in verify["findings"])
     short = f"VERDICT: {verdict}" + (f" WITH {counted(passed, 'accepted finding').upper()}" if passed else "")
-    checked, left = f"{counted(verify['points_checked'], 'point')} checked", left_in_words(verify["unreachable"])
-    whole = f"{short}, {figures_in_words(verify)}, {checked}".upper()
-    _stamp(work, job, whole, whole.replace(left.upper(), ""), short)
+    checked = f"{counted(verify['points_checked'], 'point')} checked"
+    _stamp(work, job, *(f"{short}, {figures(verify)}, {checked}".upper() for figures in (told_in_words, figures_in_words)), short)
 
 
 def draft_in_words(found):

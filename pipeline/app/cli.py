@@ -35,6 +35,7 @@ SYSTEM_ADVICE = {errno.ENOSPC: NO_ROOM, errno.EDQUOT: NO_ROOM, errno.EFBIG: NO_R
                  errno.EPERM: NO_LEAVE, errno.EROFS: NO_LEAVE, errno.EMFILE: "close other programs, or raise ulimit -n"}
 REPORT = "report.html"
 WARMING = 4               # processes that compile, of up to 1 GB each
+LIBRARY = "tool library: a JSON file, small_mills or inch_mills"
 AsJson = Annotated[bool, typer.Option("--json", help="machine-readable")]
 
 
@@ -58,7 +59,7 @@ def build(
         machine: Annotated[Optional[str], typer.Option(
             help="name of a machine, or its TOML file; else the design's own")] = None,
         post: Annotated[Optional[str], typer.Option(help="another post than the machine's own, by name or .py file")] = None,
-        cutters: Annotated[Optional[Path], typer.Option(help="tool library: a JSON file, small_mills or inch_mills")] = None,
+        cutters: Annotated[Optional[Path], typer.Option(help=LIBRARY)] = None,
         shop: Annotated[Optional[Path], typer.Option(help="the shop's own values and materials (TOML)")] = None,
         measured: Annotated[Optional[Path], typer.Option(help="markers as measured in their setups (CSV)")] = None,
         out: Annotated[Optional[Path], typer.Option(help="folder for the outputs")] = None,
@@ -123,7 +124,7 @@ def positions(part: Annotated[str, typer.Argument(help="a STEP file, a design or
               faces: Annotated[list[str], typer.Option(metavar="NAME", help="faces of a design, repeatable; none: all that are "
                                                        "cut")] = [],
               machine: Annotated[Optional[str], typer.Option(help="machine by name or file; left out: the design's")] = None,
-              cutters: Annotated[Optional[Path], typer.Option(help="tool library: a JSON file, small_mills or inch_mills")] = None,
+              cutters: Annotated[Optional[Path], typer.Option(help=LIBRARY)] = None,
               steepest: Annotated[float, typer.Option(min=10, max=90, help="degrees between a face's normal and the tool")] = 60.0,
               json: AsJson = False):
     """Find indexed positions.  The few directions from which balls of the library see a part's faces, ready to be pasted."""
@@ -402,7 +403,7 @@ def translate(
 def calibrate(machine: Annotated[str, typer.Option(help="machine by name or TOML file")] = "mill_3axis",
               feed: Annotated[float, typer.Option(min=1, max=100_000, help="mm/min")] = 1000.0,
               tool: Annotated[Optional[int], typer.Option(help="number of the tool that cuts the groove; none: the first")] = None,
-              cutters: Annotated[Optional[Path], typer.Option(help="tool library: a JSON file, small_mills or inch_mills")] = None,
+              cutters: Annotated[Optional[Path], typer.Option(help=LIBRARY)] = None,
               corner_mm: Annotated[Optional[float], typer.Option(
                   min=1e-4, max=100, help="as measured: how far the groove is from its corner, along the bisector")] = None,
               out: Annotated[Optional[Path], typer.Option(help="write it there; none: to the screen")] = None):

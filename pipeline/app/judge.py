@@ -96,8 +96,8 @@ class Judged:
 
     @property
     def figures_in_words(self):
-        """See `figures_in_words` below."""
-        return figures_in_words(self.verdict.as_dict())
+        """Gouge, cusp, the bound of both and what no cutter reaches, in a few words."""
+        return told_in_words(self.verdict.as_dict())
 
     def as_dict(self, accepted):
         """verify.json; every finding says whether it was accepted."""
@@ -427,14 +427,19 @@ def joined_files(parts, texts, tools):
 
 
 def figures_in_words(numbers):
-    """Gouge, cusp and the bound of both out of verify.json, and what no cutter reaches.
+    """Gouge, cusp and the bound of both out of verify.json.
 
-    >>> figures_in_words({"gouge_max_mm": 0.0022, "cusp_max_mm": 0.0096, "error_bound_mm": None, "unreachable": []})
+    >>> figures_in_words({"gouge_max_mm": 0.0022, "cusp_max_mm": 0.0096, "error_bound_mm": None})
     'gouge 0.0022, cusp 0.0096, error bound unknown'
     """
     bound = numbers["error_bound_mm"]
     return (f"gouge {numbers['gouge_max_mm']:.4f}, cusp {numbers['cusp_max_mm']:.4f}, error bound "
-            + ("unknown" if bound is None else f"{bound:.5f} mm") + left_in_words(numbers["unreachable"]))
+            + ("unknown" if bound is None else f"{bound:.5f} mm"))
+
+
+def told_in_words(numbers):
+    """The same, and what no cutter reaches."""
+    return figures_in_words(numbers) + left_in_words(numbers["unreachable"])
 
 
 def left_in_words(unreachable):
@@ -444,7 +449,7 @@ def left_in_words(unreachable):
     ', 677.0 mm2 out of reach with up to 2.000 mm left, 9.0 mm2 in inner corners that stay R1.500'
     """
     corners, others = ([row for row in unreachable if ("stays_radius_mm" in row) is is_round] for is_round in (True, False))
-    most = lambda rows, name: max((row[name] or 0.0 for row in rows), default=0.0)
+    most = lambda rows, name: max((row[name] for row in rows), default=0.0)
     said = [(others, f"out of reach with up to {most(others, 'largest_deviation_mm'):.3f} mm left"),
             (corners, f"in inner corners that stay R{most(corners, 'stays_radius_mm'):.3f}")]
     areas = [(sum(row["area_mm2"] for row in rows), words) for rows, words in said]

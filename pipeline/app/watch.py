@@ -55,7 +55,7 @@ def drawn(request, send):
 
 def finished(request, send):
     """The whole build of a request; before it a draft, which is sent on the way: send(what, record)."""
-    from cuspline.app.judge import figures_in_words
+    from cuspline.app.judge import told_in_words
     from cuspline.values.input_files import json_of
     say = partial(send, "stage")
     with suppress(CamError):            # the build says what is wrong
@@ -63,7 +63,7 @@ def finished(request, send):
         send(DRAFT, {"words": first.figures + _kinds_in_words(first)})
     _, result = request.built(say)
     path = result.folder / "verify.json"
-    figures = figures_in_words(json_of(path, "verdict")) if path.is_file() else "nothing verified"
+    figures = told_in_words(json_of(path, "verdict")) if path.is_file() else "nothing verified"
     word = "REJECTED" if not result.is_ok else "VERIFIED" if path.is_file() else "made"
     return {"words": f"{word}, {figures}{_kinds_in_words(result)}", "folder": str(result.folder)}
 

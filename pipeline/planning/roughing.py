@@ -110,16 +110,21 @@ def before_passes(work, ball, is_reached):
     return [] if operation is None else [operation]
 
 
+def standing_mm(work, rows):
+    """Heights (k,) of the stock over sample rows (k,), mm along Z."""
+    points = work.samples.point_mm[rows]
+    return work.stock_mm(points[:, :2]) - points[:, 2]
+
+
 def before_floors(work, tool, rows):
     """What a cutter must clear before it finishes level faces: ([] or the one operation, heights of the stock after it).
 
     Args:
         work: PlanningContext of a floor operation.   tool: its Tool.   rows: of the samples on the level faces.
     """
-    practice, points = work.practice, work.samples.point_mm[rows]
+    practice = work.practice
     limit = max(practice.finish_depth_share * tool.cutter.diameter_mm, practice.rough_allowance_mm + practice.rest_threshold_mm)
-    standing = work.stock_mm(points[:, :2]) - points[:, 2]
-    if not len(rows) or float(np.percentile(standing, LEFT_PERCENTILE)) <= limit:
+    if not len(rows) or float(np.percentile(standing_mm(work, rows), LEFT_PERCENTILE)) <= limit:
         return [], work.stock_mm
     stage = RoughingStage(name="rest rough", allowance_mm=practice.rough_allowance_mm, threshold_mm=practice.rest_threshold_mm)
     operation, stock, _ = cleared(work, stage, tool, (), work.stock_mm, rows, Clearing())

@@ -38,7 +38,7 @@ class CompensatedContour:
 
     def among(self, first):
         """The same of an operation whose moves are others: move k is there from `first[k]` to `first[k + 1]`."""
-        return replace(self, first=int(first[self.first]), end=int(first[self.end]), row=[first[k] for k in self.row.tolist()])
+        return replace(self, first=first[self.first], end=first[self.end], row=[first[k] for k in self.row.tolist()])
 
     def later(self, by):
         """The same of an operation with so many moves more before."""

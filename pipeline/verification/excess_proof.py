@@ -114,7 +114,7 @@ def prove_excess(ground, cuts, known_mm, allowed_mm, deviation_of, is_reachable,
 
     Args:
         ground: climbing.Ground of the faces.
-        cuts: workpiece.Cut values that may have cut them, the one that probably did first; one at least has paths.
+        cuts: workpiece.Cut values that may have cut them, the one that probably did first, each with paths.
         known_mm: a height that is known to be reached, scalar >= 0.   allowed_mm: higher places are excess.
         deviation_of: function of points and normals (n, 3), part coordinates, to exact deviations (n,).
         is_reachable: function of the same and faces (n,) to (n,) bool.
@@ -122,7 +122,7 @@ def prove_excess(ground, cuts, known_mm, allowed_mm, deviation_of, is_reachable,
     Returns:
         ExcessProof.
     """
-    known = [replace(c, paths=tuple(map(_of_balls, c.paths))) for c in cuts if c.paths]
+    known = [replace(c, paths=tuple(map(_of_balls, c.paths))) for c in cuts]
     asked = np.arange(len(ground.domains)) if bare is None else np.flatnonzero(~bare)
     return _Search(ground, asked, allowed_mm, deviation_of, is_reachable).run(known, min(known_mm, allowed_mm))
 

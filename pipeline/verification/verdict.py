@@ -576,7 +576,7 @@ def _excess_proof(part, c, found, say):
     """That no place of clamping c's faces stands higher than the highest that was found and is allowed."""
     say(f"{c.name}: proof of what stands between the samples")
     own, d, allowed = part.piece.cuts[c.number], found.deviation_mm, allowed_mm(part.finish)
-    cuts = [cut for cut in [own, *(cut for cut in part.piece.cuts if cut is not own)] if cut.paths]
+    cuts = [cut for cut in sorted(part.piece.cuts, key=lambda cut: cut is not own) if cut.paths]
     if not cuts:
         return ExcessProof.of_nothing(rounded(c.samples.weight_mm2.sum()))
     fine = found.is_reachable & (d <= allowed + NOISE_MM)

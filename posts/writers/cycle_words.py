@@ -58,7 +58,7 @@ class DrilledMoves:
             elif cycle.word not in dialect.cycle_words or not (self.has_cycles or is_tap):
                 (self._tapped if is_tap else self._spelled_out)(writer, cycle, dialect)
             else:
-                writer.to_plane(Plane.XY)       # cycles go square to it; arcs before may have left another
+                writer.to_plane(Plane.XY)
                 if is_tap and not (k and at == cycle.first):
                     dialect.before_taps(writer, self.rpm)
                 _begin_or_go_on(writer, cycle, self.cycles[k - 1] if k and at == cycle.first else None, dialect)
@@ -76,6 +76,7 @@ class DrilledMoves:
         if over:
             self.laid.write(writer, over[0], over[-1] + 1, dialect)
         end_mm = at[cycle.end]
+        writer.to_plane(Plane.XY)       # cycles go square to it; arcs before may have left another
         dialect.drill(writer, cycle, float(end_mm[2]))
         writer.count_rounding((*cycle.xy_mm, cycle.bottom_z_mm))
         writer.words(end_mm)

@@ -24,7 +24,6 @@ from cuspline.posts.writers.joint_words import leans
 from cuspline.posts.writers.program_files import SET_UP_MM, Dialect, posted
 from cuspline.posts.writers.words import Writer, behind_semicolon, check_lines
 from cuspline.program.drilling import CLEARANCE_MM, PECKS
-from cuspline.program.program import Plane
 
 EXTENSION = "mpf"
 READER = "siemens_reader"
@@ -186,7 +185,6 @@ class _Siemens(Dialect):
 
     def drill(self, writer, cycle, top_z_mm):
         """CYCLE81, 82, 83 or 85 at the place; strokes of CYCLE83 so that they divide the depth evenly."""
-        writer.to_plane(Plane.XY)       # the cycles go along what is square to it
         surface = writer.rounded_mm(cycle.retract_z_mm) - writer.rounded_mm(SET_UP_MM)
         planes = [writer.length(v) for v in (top_z_mm, surface, SET_UP_MM, cycle.bottom_z_mm)]
         feed, = writer.feed_words(cycle.feed_mm_per_min) or (None,)

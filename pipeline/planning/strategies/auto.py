@@ -359,9 +359,8 @@ def _corners(work, floor, planned):
 
 def _by_flat_cutter(work, floor):
     """[what it must clear before, the floors]; none beside other operations where all of them are flush with the stock."""
-    level = work.samples.normal[:, 2] > level_finishing.LEVEL
-    before, stock = roughing.before_floors(work, floor.tool, np.flatnonzero(level))
-    places = work.samples.point_mm[level]
-    if work.planned and not before and len(places) and (stock(places[:, :2]) - places[:, 2]).max() <= FLUSH_MM:
+    level = np.flatnonzero(work.samples.normal[:, 2] > level_finishing.LEVEL)
+    if work.planned and len(level) and roughing.standing_mm(work, level).max() <= FLUSH_MM:
         return []
+    before, stock = roughing.before_floors(work, floor.tool, level)
     return [*before, level_finishing.floors(work, floor.tool, floor.candidates, stock)]
