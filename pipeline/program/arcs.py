@@ -7,21 +7,29 @@ import numpy as np
 from cuspline.program.program import Kind, Moves, Plane
 from cuspline.values import fixed_math as fixed
 
+ROUNDING_MM = 1e-9      # between an arc's two radii
 CHORD_SHARE = 0.25      # of the path tolerance, that chords may take where no plane of the control's holds an arc
 
 
 class Arc:
-    """Points along an arc or helix of the Program."""
+    """Points along an arc or helix of the Program, or a spiral, as a control runs ends of two radii.
 
-    def __init__(self, start_mm, end_mm, center_mm, plane, kind):
+    >>> Arc((1, 0, 0), (0, 2, 8), (0, 0, 0), Plane.XY, Kind.ARC_CCW, turns=1).at(0.2).round(9).tolist()
+    [0.0, 1.2, 1.6]
+    """
+
+    def __init__(self, start_mm, end_mm, center_mm, plane, kind, turns=0):
+        """`turns`: whole ones beside the arc."""
         self.start_mm, self.end_mm, self.center_mm, self.plane = start_mm, np.asarray(end_mm), center_mm, plane
         a, b, _ = plane.axes
         x, y = start_mm[a] - center_mm[a], start_mm[b] - center_mm[b]
         u, v = end_mm[a] - center_mm[a], end_mm[b] - center_mm[b]
         self.radius_mm, self.from_rad = math.hypot(x, y), fixed.arctan2(y, x)
         self.side = -1.0 if kind == Kind.ARC_CW else 1.0
+        wider_mm = math.hypot(u, v) - self.radius_mm
+        self.wider_mm = wider_mm if abs(wider_mm) > ROUNDING_MM else 0.0        # at its end than at its start
         sweep = self.side * (fixed.arctan2(v, u) - self.from_rad) % (2 * math.pi)
-        self.sweep_rad = sweep if sweep > 1e-9 else 2 * math.pi
+        self.sweep_rad = (sweep if sweep > 1e-9 else 2 * math.pi) + 2 * math.pi * turns
 
     @classmethod
     def of_posted(cls, moves, row):
@@ -32,15 +40,16 @@ class Arc:
         """Point after a share of the sweep."""
         a, b, third = self.plane.axes
         angle = self.from_rad + self.side * share * self.sweep_rad
-        point = np.empty(3)
-        point[a] = self.center_mm[a] + self.radius_mm * fixed.cos(angle)
-        point[b] = self.center_mm[b] + self.radius_mm * fixed.sin(angle)
+        point, radius_mm = np.empty(3), self.radius_mm + share * self.wider_mm
+        point[a] = self.center_mm[a] + radius_mm * fixed.cos(angle)
+        point[b] = self.center_mm[b] + radius_mm * fixed.sin(angle)
         point[third] = self.start_mm[third] + share * (self.end_mm[third] - self.start_mm[third])
         return point
 
     def chords(self, tolerance_mm):
         """End points of the chords that stay within the tolerance, the arc's own end last."""
-        largest = 2 * fixed.arccos(max(1 - tolerance_mm / max(self.radius_mm, tolerance_mm), 0.0))
+        radius_mm = max(self.radius_mm, self.radius_mm + self.wider_mm)
+        largest = 2 * fixed.arccos(max(1 - tolerance_mm / max(radius_mm, tolerance_mm), 0.0))
         count = math.ceil(self.sweep_rad / largest)
         return [self.at(k / count) for k in range(1, count)] + [self.end_mm]
 

@@ -8,17 +8,15 @@
 Bounds measured on LinuxCNC 2.9.0~pre1: they are in program units, so those of G20 are in inches.
 """
 
-from math import atan2, ceil, hypot, sqrt, tau
+from math import atan2, hypot, sqrt, tau
 from typing import NamedTuple
 
 from cuspline.posts.readers.rs274_expressions import Complaint
-from cuspline.values import fixed_math as fixed
 
 MM_PER_INCH = 25.4
 SAME_POINT_MM = 1e-9        # rounding of sums of program numbers, far below any controller's resolution
 FULL_CIRCLE_RAD = 2e-6      # LinuxCNC turns a full circle below 1e-6 rad
 RELATIVE_RADIUS_ERROR = 1e-3
-CHORD_MM = 1e-4             # a tenth of what the finest paths are posted within
 
 
 class ArcBounds(NamedTuple):
@@ -92,31 +90,6 @@ def sweep_rad(start, end, center, is_clockwise):
     if sweep < FULL_CIRCLE_RAD:
         raise Complaint(f"an arc of {sweep:.1e} rad: the controller would turn a whole circle", "write G1")
     return sweep
-
-
-def chords(start, end, center, axes, how):
-    """Where chords end that stand for an arc or helix, none farther than CHORD_MM from it; its own end is the last.
-
-    Args:
-        start, end, center: (x, y, z), mm.   axes: of its plane, three.   how: (is_clockwise, whole turns beside it).
-
-    >>> ways = chords((1, 0, 0), (-1, 0, 2), (0, 0, 0), (0, 1, 2), (False, 0))
-    >>> len(ways), ways[-1], [round(v, 6) for v in ways[len(ways) // 2 - 1]]
-    (112, (-1, 0, 2), [0.0, 1.0, 1.0])
-    """
-    (a, b, third), (is_clockwise, turns) = axes, how
-    (u, v), (x, y) = ((p[a] - center[a], p[b] - center[b]) for p in (start, end))
-    radii = hypot(u, v), hypot(x, y)
-    sweep = sweep_rad((start[a], start[b]), (end[a], end[b]), (center[a], center[b]), is_clockwise) + tau * turns
-    count = ceil(sweep / sqrt(8 * CHORD_MM / max(*radii, CHORD_MM)))
-    begin, out = atan2(v, u), []
-    for share in (k / count for k in range(1, count)):
-        angle, radius = begin + share * (-sweep if is_clockwise else sweep), radii[0] + share * (radii[1] - radii[0])
-        place = list(start)
-        place[a], place[b] = center[a] + radius * float(fixed.cos(angle)), center[b] + radius * float(fixed.sin(angle))
-        place[third] = start[third] + share * (end[third] - start[third])
-        out.append(tuple(place))
-    return [*out, tuple(end)]
 
 
 def is_same_point(start, end):

@@ -22,7 +22,6 @@ from cuspline.posts.readers.rs274_arcs import (
     MM_PER_INCH,
     center_from_radius,
     check_radii,
-    chords,
     is_same_point,
     sweep_rad,
 )
@@ -34,6 +33,7 @@ from cuspline.posts.readers.rs274_flow import executed, is_closed_by_percent, re
 from cuspline.posts.readers.rs274_modes import UNSAID, Rules, relied_on, relied_on_by_cycle
 from cuspline.posts.readers.rs274_tools import read_tool_table
 from cuspline.posts.readers.turns import turned_about
+from cuspline.program.arcs import Arc
 from cuspline.program.joint_sweeps import JointBlocks
 from cuspline.program.posted import PostedMoves, Remark, Stop
 from cuspline.program.program import Kind, Plane
@@ -55,6 +55,7 @@ NO_OFFSET = (0.0, 0.0, 0.0)
 SYNCHRONISED = ("G33.1", "G331", "G332")        # feeds tied to the spindle
 CYCLE_MM = 5e-4             # what one servo cycle adds to a blend at least; 0.33 um measured at 2500 mm/s^2
 PLANE_RAD = 1e-5            # between the tool and the normal of a tilted plane: rounded angles
+CHORD_MM = 1e-4             # off a leaning arc: a tenth of what the finest paths are posted within
 COLUMNS = 27                # numbers kept of a move
 RULES = Rules(code_of=code_of, modes=frozenset(UNSAID) - {"canned cycle", "local zero"}, takes_own_length=True, moves_z_alone=False,
               path_tolerance_mm=inf, cycles=CYCLES,
@@ -721,7 +722,7 @@ class Controller:
     def _add(self, kind, start, end, center, turns, feed):
         """One move as it is made; arcs that lean in the WCS, where no plane holds them, as chords."""
         if kind > Kind.FEED and (self.tilted is not None or any(self.turned)):
-            ways = chords(start, end, center, self.plane.axes, (kind == Kind.ARC_CW, turns))
+            ways = [tuple(map(float, point)) for point in Arc(start, end, center, self.plane, kind, turns).chords(CHORD_MM)]
             minutes = self.minutes / len(ways)
             for before, after in zip([start, *ways], ways):
                 self.minutes = minutes
