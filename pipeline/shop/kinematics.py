@@ -146,6 +146,16 @@ class Chain:
             raise PostError("X, Y and Z of this machine are not square to each other: its control moves the zero with the table "
                             "only where they are") from None
 
+    def off_z(self, angles):
+        """How far the unit axis of the tool is from the linear Z, the most of its coordinates, at (r,) angles of the rotaries: 0
+        where only the part has turned.
+
+        Raises:
+            PostError: see `linear_axes`.
+        """
+        z, axis = self.linear_axes(angles).rotation[:, 2], self.forward([[0.0, 0.0, 0.0, *angles]])[1][0]
+        return float(np.abs(z - axis).max())
+
     def branches(self, axes, rows=None):
         """Every way to hold the tool along axes, but for whole turns.
 

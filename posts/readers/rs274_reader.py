@@ -517,10 +517,8 @@ class Controller:
             return True
         if not isfinite(sum(self.turned)):
             return False
-        angles = np.radians(self.turned)
         with suppress(PostError):
-            z, axis = self.chain.linear_axes(angles).rotation[:, 2], self.chain.forward([[0.0, 0.0, 0.0, *angles]])[1][0]
-            return bool(np.abs(z - axis).max() < PLANE_RAD)
+            return self.chain.off_z(np.radians(self.turned)) < PLANE_RAD
         return False
 
     def _refuse_beside_contour(self, steps):

@@ -165,12 +165,11 @@ class SolvedMoves:
         Raises:
             PostError: something turns, or the tool leans.
         """
-        run = self.run
-        axes = run.chain.linear_axes(run.joints[0, 3:])
-        z, axis = axes.rotation[:, 2], run.chain.forward(run.joints[:1])[1][0]
-        if run.turns or np.abs(z - axis).max() > STANDS_RAD:
+        run, angles = self.run, self.run.joints[0, 3:]
+        if run.turns or run.chain.off_z(angles) > STANDS_RAD:
             raise PostError(f"operation {run.name}: the control would shift its contour across Z, and the tool is not along it: "
                             "leave compensation out, or choose a machine that turns the part, or whose control takes planes")
+        axes = run.chain.linear_axes(angles)
         return Frame(rotation=axes.rotation, origin_mm=axes.out((axes.into(run.tips[:1]) - self.words_mm[:1]))[0])
 
     def driven_s(self, blend_mm):
