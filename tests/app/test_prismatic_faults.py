@@ -15,7 +15,7 @@ from cuspline.verification.verdict import Options
 PART = Path(__file__).parent.parent / "parts" / "two_sided_plate.py"
 COARSE = Options(spacing_mm=3.0, solid_pitch_mm=4.0, replay_pitch_mm=0.8, tessellation_mm=0.02)
 FIRST, SECOND = "setup-1.ngc", "setup-2.ngc"
-BLIND = "G0 X7 Y9\nG0 Z17\nG98 G81 X7 Y9 Z3.9081 R13 F525.0\nG80\n"
+BLIND = "G0 X7 Y9\nG0 Z17\nG17\nG98 G81 X7 Y9 Z3.9081 R13 F525.0\nG80\n"
 BELOW = "G98 G81 X42 Y19 Z4.9081 R13 F525.0\nG80\n"
 DRILL = '"name": "drill 5 mm",\n    "type": "drill",\n    "diameter_mm": {}'
 CONTOUR = "G3 X0 Y27 I2 J0 F2683.0\nG1 X52 F4583.0\nG3 X54 Y29 I0 J2 F2683.0\n"

@@ -117,7 +117,7 @@ def test_a_stamp_too_long_for_the_control_is_told_short(tmp_path):
     narrow = job.machine.control.model_copy(update={"line_length": 60})
     job = job.model_copy(update={"machine": job.machine.model_copy(update={"control": narrow})})
     numbers = {"ok": True, "findings": [], "gouge_max_mm": 0.001, "cusp_max_mm": 0.01, "error_bound_mm": 0.001,
-               "points_checked": 10_000}
+               "points_checked": 10_000, "unreachable": []}
     recipe._stamp_verdict(tmp_path, job, numbers)
     assert (tmp_path / "setup-1.ngc").read_text() == "(VERDICT: VERIFIED)\nM2\n"
 
