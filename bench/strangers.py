@@ -1,5 +1,5 @@
-"""Prismatic parts as somebody writes them who knows the README alone, by `Auto` and the library small_mills, or the usual
-one (USUAL): built with all proofs.
+"""Prismatic parts as somebody writes them who knows the README alone, by `Auto` and the library small_mills or another
+(LIBRARIES): built with all proofs.
 
     python bench/strangers.py [PART ...]
 """
@@ -23,7 +23,8 @@ PARTS = ("bracket", "housing", "manifold", "oring_cover", "hub", "two_sides", "s
          "valve_cover", "motor_mount", "electrode", "keyboard", "gear", "heat_sink", "bearing_block", "camera_mount", "inch_plate",
          "cf40", "trunnion_valve")
 NOT_BUILT_YET = ("fillet_lid", "wing_rib", "hull_half", "fan_disc", "ribbed_cavity")       # written, and their faces found
-USUAL = ("electrode", "keyboard", "gear")       # by the usual library: what it cannot take is to be said truly
+LIBRARIES = {"inch_plate": ("--cutters", "inch_mills"),
+             **dict.fromkeys(("electrode", "keyboard", "gear"), ())}    # the usual one: what it cannot take is to be said truly
 JOBS = ("clamp", "gear")    # STEP with a job file
 
 
@@ -49,7 +50,7 @@ def main(parts=PARTS):
     for part in parts:
         with tempfile.TemporaryDirectory() as scratch:
             scratch, begin = Path(scratch), time.process_time()
-            library = () if part in USUAL else ("--cutters", "small_mills")
+            library = LIBRARIES.get(part, ("--cutters", "small_mills"))
             done = ran("build", source_of(part, scratch), *library, "--out", scratch / "out", "--stage", "verify")
             print(told(part, form_of(part), done, scratch / "out", time.process_time() - begin), flush=True)
 

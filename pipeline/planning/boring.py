@@ -7,7 +7,6 @@ r"""Holes bored by a flat cutter: round and round, down by helices, then once ro
 
 import math
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from cuspline.planning.contouring import (
     SLOT_SHARE,
     STANDS_MM,
     closed_leads,
+    finish_heights_mm,
     helical,
     left_mm,
     one_pass,
@@ -23,7 +23,7 @@ from cuspline.planning.contouring import (
     stock_over,
 )
 from cuspline.planning.drilling import SAME_MM, Bore, bores_of, in_words, level_faces, upright_holes, walls_of
-from cuspline.planning.freeform_finishing import LEVEL, TERRACE_SHARE
+from cuspline.planning.freeform_finishing import LEVEL
 from cuspline.planning.tool_depth import missing_stick_out_mm
 from cuspline.program.program import Moves
 from cuspline.toolpaths.prismatic.contour_moves import ring
@@ -33,7 +33,6 @@ from cuspline.values.errors import CutterDoesNotFit, PlanError
 CORE_SHARE = 0.9            # of the cutter's radius: the innermost ring leaves no core
 ROOM_SHARE = 0.75           # of the hole's radius: larger cutters have no room for their chips
 MOST_RINGS = 4              # more is a pocket
-WAY_IN_SHARE = 0.6          # of the slot that a cutter takes: its arc in meets half as much again as the way round
 REACHED_MM = 1e-4
 
 
@@ -141,17 +140,6 @@ def _rings(work, tool, last_mm):
     return np.linspace(last_mm, first, math.ceil((last_mm - first) / step - 1e-9) + 1)[::-1].tolist()
 
 
-def _deepest_finish_mm(one, left_mm):
-    """How deep at a time a Bored takes the ring that its helices left: within its flutes, its chips no heavier than a slot's.
-
-        width = (R^2 - (R - left)^2) / 2 path      of a straight cut with as much of the ring a millimetre of way
-    """
-    cutter, radius = one.tool.cutter, one.bore.radius_mm
-    width = (radius**2 - (radius - left_mm)**2) / (2 * one.path_radius_mm)
-    highest = TERRACE_SHARE * cutter.flute_length_mm
-    return min(highest, WAY_IN_SHARE * cutter.deepest_slot_mm * cutter.diameter_mm / width) if width > 0 else highest
-
-
 def _roughed(work, bores, name):
     """The helices of the holes of one cutter; None where nothing stands in them."""
     tool = bores[0].tool
@@ -182,10 +170,7 @@ def _finished(work, bores, name):
         path = one.path(one.path_radius_mm)
         elements, leads = closed_leads(work, tool, path, one.bottom_mm)
         way = (elements * (1 + work.operation.spring_passes), leads)
-        top = max(one.bore.high_z_mm, one.top_mm)
-        count = max(1, math.ceil((top - one.bottom_mm) / _deepest_finish_mm(one, left_mm(work)) - 1e-9))
-        heights = np.linspace(top, one.bottom_mm, count + 1)
-        for _, z in pairwise(heights.tolist()):
+        for z in finish_heights_mm(tool.cutter, path, left_mm(work), (max(one.bore.high_z_mm, one.top_mm), one.bottom_mm)):
             made.append(one_pass(work, way, tool.cutter.radius_mm, z, feed))
     facts = {"holes": len(bores), "diameters_mm": sorted({round(2 * b.bore.radius_mm, 6) for b in bores}),
              "bottoms_mm": sorted({round(b.bottom_mm, 6) for b in bores}), "finish_allowance_mm": left_mm(work),

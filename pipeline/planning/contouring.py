@@ -1,7 +1,7 @@
 r"""Contours: upright walls cut by the side of a flat cutter, along their exact plan.
 
     stock  ____          rough: round the chain by a helix (an open one level by level), finish_allowance_mm off it
-          |    |  |cut|  finish: at the foot, or as deep as the flutes, in and out by arcs,
+          |    |  |cut|  finish: at the foot, or as deep as flutes and chips go, in and out by arcs,
     part  |____|  |ter|          spring_passes times more
 """
 
@@ -17,6 +17,7 @@ from cuspline.planning.tabs import is_clear_of, overs_beside, overs_from, tabs_o
 from cuspline.program.program import Moves, MoveWriter
 from cuspline.toolpaths.prismatic.compensated_path import compensated_contour, is_move, with_straight_ways
 from cuspline.toolpaths.prismatic.contour_moves import Leads, arc_leads, follow, helix, lengthened
+from cuspline.toolpaths.prismatic.cut_width import widest_cut_mm
 from cuspline.toolpaths.prismatic.plan_elements import PlanChain, PlanElement, chains_of, offset_chain
 from cuspline.toolpaths.prismatic.tabs import follow_over
 from cuspline.toolpaths.prismatic.upright_walls import upright_walls
@@ -33,6 +34,7 @@ SPOKES = 16
 RIM_SPOKES, RIM_RINGS, RIM_MM = 96, 5, 0.1      # places at a cutter's rim, and so far beside it, that are looked at before a rapid
 STANDS_MM = 0.01            # stock no higher is none
 SLOT_SHARE = 0.8            # of the deepest slot that a cutter takes
+FINISH_SHARE = 0.6          # of it, that finishing takes: the arc in meets half as much again as the way along the wall
 HIGHS = (1.0, 0.5, 0.25)    # of the lead radius: how high above the path the cutter comes down
 QUARTERS = (1.0, 0.5, 0.2, 0.05)    # of the lead radius: quarter circles on which the control begins beside a contour
 FARTHER = (0.0, 1.0, 2.0, 3.0)      # diameters beyond the ends of an open chain where it may come down
@@ -143,6 +145,21 @@ def left_mm(work):
     return work.practice.rough_allowance_mm if asked is None else asked
 
 
+def finish_heights_mm(cutter, path, taken_mm, heights_mm):
+    """Heights of the finishing passes along one wall, from the top: within the flutes, the chips no heavier than a slot's.
+
+    Args:
+        cutter: Cutter.   path: PlanChain of its middle.   taken_mm: what each takes off the wall.
+        heights_mm: (top, foot) of what is cut.
+    """
+    high, low = heights_mm
+    width = widest_cut_mm(path, cutter.radius_mm, taken_mm, cutter.diameter_mm / 2)
+    deepest = min(TERRACE_SHARE * cutter.flute_length_mm,
+                  FINISH_SHARE * cutter.deepest_slot_mm * cutter.diameter_mm / width if width > 0 else math.inf)
+    count = max(1, math.ceil((high - low) / deepest - 1e-9))
+    return np.linspace(high, low, count + 1)[1:].tolist()
+
+
 def _offset(work, chain, away_mm):
     try:
         return offset_chain(chain, away_mm)
@@ -210,16 +227,16 @@ def _finished(work, tool, candidates, sections, tabs):
     operation, cutter = work.operation, tool.cutter
     _refuse_compensation(work)
     rpm, feed = work.speeds(tool, is_rough=False)
-    highest, away = TERRACE_SHARE * cutter.flute_length_mm, cutter.radius_mm + operation.allowance_mm
-    made, runs, levels, length = [], [], [], 0.0
+    away = cutter.radius_mm + operation.allowance_mm
+    made, runs, levels, length = [], [], set(), 0.0
     for section in sections:
-        count = max(1, math.ceil((section.high_mm - section.low_mm) / highest - 1e-9))
-        heights = np.linspace(section.high_mm, section.low_mm, count + 1)[1:].tolist()
-        levels += heights
         for chain in section.chains:
             path = _offset(work, chain, away)
             length += path.length_mm
             refuse_blocked(work, tool, path, section.low_mm)
+            heights = finish_heights_mm(cutter, path, left_mm(work) / (operation.finish_passes or 1),
+                                        (section.high_mm, section.low_mm))
+            levels |= {round(z, 6) for z in heights}
             if id(chain) in tabs and section is sections[-1]:
                 made += _passes_over(work, tool, tabs[id(chain)], (section.low_mm, heights), feed)
                 continue
@@ -231,7 +248,7 @@ def _finished(work, tool, candidates, sections, tabs):
                     made.append(one_pass(work, (again, leads), cutter.radius_mm, z, feed))
                     runs.append(((*leads.way_in, *again, *leads.way_out), z))
     facts = {"allowance_mm": operation.allowance_mm, "finish_allowance_mm": left_mm(work),
-             "heights_mm": [round(z, 6) for z in levels], "chains": sum(len(s.chains) for s in sections),
+             "heights_mm": sorted(levels, reverse=True), "chains": sum(len(s.chains) for s in sections),
              "contour_mm": round(length, 3),
              "spring_passes": operation.spring_passes, "strategy": operation.kind, "candidates": [c.as_dict() for c in candidates]}
     if tabs:
