@@ -291,7 +291,8 @@ def _script(posted, tools, spindle_head):
                    np.zeros(0, np.int64))
     order = np.argsort(row, kind="stable")
     cutters = np.concatenate([np.zeros((0, 2)), *(c[:1, :2] for c in columns), *(c[1:, :2] for c in columns)])
-    rows = [(k, *part) for k, n in enumerate(numbers) for part in (*_flutes(tools[n].cutter), *_parts(tools[n], spindle_head))]
+    rows = [(k, *part) for k, n in enumerate(numbers) for part in
+            (*_flutes(tools[n].cutter), *_parts(tools[n], spindle_head), *_above_flutes(tools[n].cutter))]
     parts = np.array(rows, dtype=float).reshape(-1, 7)
     return (geometry[order], row[order], cutter[order], posted.kind[row[order]] == Kind.RAPID, cutters,
             np.ascontiguousarray(parts[:, 2:]), np.ascontiguousarray(parts[:, :2].astype(np.int64)))
@@ -362,3 +363,10 @@ def _parts(tool, spindle_head):
     for is_holder, z0, r0, z1, r1 in frusta:
         kind = replay_kernel.HOLDER if is_holder else replay_kernel.SHANK
         yield (kind, z0, r0, z1, r1, 0.0) if r1 > r0 else (kind, z0, r0, ENDLESS_MM, r0, 0.0)
+
+
+def _above_flutes(cutter):
+    """(kind, z0, r0, z1, r1, grow) of a neck no wider than its flutes: what it meets where they have not come."""
+    radius = cutter.neck_diameter_mm / 2
+    if cutter.type in CLOSED_UPWARD and cutter.flute_length_mm < cutter.reach_mm:
+        yield replay_kernel.UNCUT, cutter.flute_length_mm, radius, ENDLESS_MM, radius, 0.0

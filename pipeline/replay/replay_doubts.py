@@ -7,7 +7,7 @@ down to CELL_MM, in the region that a part of the tool passes over.
 import numpy as np
 
 from cuspline.program.program import Kind
-from cuspline.replay.replay_kernel import RAPID
+from cuspline.replay.replay_kernel import RAPID, UNCUT
 from cuspline.replay.replay_stock import CELL_MM
 from cuspline.values import fixed_math as fixed
 
@@ -39,7 +39,7 @@ def _is_clear(row, posted, script, wanted_mm, stock):
     k = cutter[np.flatnonzero(of == row)[0]]
     ends, within = np.array([posted.start_mm[row], posted.end_mm[row]]), stock.within_before(row)
     for (z0, r0, _, r1, grow), (owner, kind) in zip(parts, kinds):
-        if owner != k or (kind == RAPID and posted.kind[row] != Kind.RAPID):
+        if owner != k or kind == UNCUT or (kind == RAPID and posted.kind[row] != Kind.RAPID):
             continue
         radius, floor = max(r0, r1) + grow + wanted_mm[kind], ends[:, 2].min() + z0 - grow - wanted_mm[kind]
         if not stands_below(ends[:, :2], radius, floor, within, stock.min_mm, stock.max_mm):

@@ -41,7 +41,9 @@ TILE = 8                  # cells along the side of a tile whose highest bound i
 REFRESH = 256             # pieces after which the highest of the tiles is looked up again: it only falls
 FAR_MM = 50.0             # clearances beyond this are not measured
 NOISE_MM = 1e-6           # heights closer than this are the same
+STRETCH_SHARE = 1.0       # of the radius: so far ahead a neck is held against what its flutes' shadow is to take
 RAPID, SHANK, HOLDER, FIXTURE, LOW = range(5)
+UNCUT = 5                 # kind of part: the neck above the flutes, against what stood before these cut below it
 CUTTER, KIND = range(2)         # columns of kinds
 PROVEN, ATTAINED = range(2)     # of the least distance
 ROW, CELL, HEIGHT = range(3)    # arrays of events
@@ -283,6 +285,40 @@ def _with_room(events, count):
 
 
 @njit
+def _stretch_end(first, geometry, cutter, is_rapid, length):
+    """The piece behind a stretch of pieces of one cutter at the feed, about so long; one rapid is a stretch."""
+    p, way = first + 1, 0.0
+    while p < len(geometry) and cutter[p] == cutter[first] and not is_rapid[p] and not is_rapid[first]:
+        g = geometry[p - 1]
+        way += math.sqrt((g[X1] - g[X0]) ** 2 + (g[Y1] - g[Y0]) ** 2 + (g[Z1] - g[Z0]) ** 2)
+        if way >= length:
+            break
+        p += 1
+    return p
+
+
+@njit
+def _meet_uncut(first, end, part, geometry, row, stock, highest, past, doubtful, space, spot, uncut):
+    """What a neck meets above the flutes, that stood before a stretch of pieces.
+
+    A height field is cut from above, flutes cut no higher than they are long: piece by piece a neck no wider than they are would
+    never meet what their shadow has taken from the map before it.  No flute of the stretch comes above those of its highest
+    piece.
+    """
+    line, above, top = np.empty(12), part.copy(), -math.inf
+    for p in range(first, end):
+        top = max(top, max(geometry[p, Z0], geometry[p, Z1]))
+    for p in range(first, end):
+        chord(geometry[p], line)
+        above[BOTTOM] = part[BOTTOM] + top - min(line[Z0], line[Z1])
+        enough = min(-RUBBING_MM, beyond(0.0, uncut[row[p], AMOUNT]))
+        _, got, _ = _against_stock(line, above, -RUBBING_MM, enough, first, stock, highest, past, doubtful, space, spot,
+                                   SEEN_BUDGET)
+        if got < -RUBBING_MM:
+            _keep_worst(uncut, row[p], -got, spot[X], spot[Y], spot[Z])
+
+
+@njit
 def run(geometry, row, cutter, is_rapid, cutters, parts, kinds, wanted, touch, low_mm, boxes, z, bounds, sure, lines,
         past, worst, least, events):
     """Replays all pieces in order.
@@ -290,7 +326,7 @@ def run(geometry, row, cutter, is_rapid, cutters, parts, kinds, wanted, touch, l
     Args:
         geometry, row, cutter, is_rapid: (m, ...) pieces, their rows, which cutter, whether rapid.
         cutters: (t, 2) a, rc.   parts: (c, 5) segments without upper end, see clearance_kernels.
-        kinds: (c, 2) cutter of each part, and RAPID (the flutes, thinner by what they may touch), SHANK or HOLDER.
+        kinds: (c, 2) cutter of each part, and RAPID (the flutes, thinner by what they may touch), SHANK, HOLDER or UNCUT.
         wanted: (3,) distance to the stock that each kind is to keep.   touch: what may be missing of it, mm.
         low_mm: height that rapids keep above the stock.
         boxes: (f, 6) fixtures.   z: (ny, nx), lowered in place.
@@ -312,12 +348,18 @@ def run(geometry, row, cutter, is_rapid, cutters, parts, kinds, wanted, touch, l
             tiles[tj, ti] = _tile_top(bounds, tj, ti)
     spot, heights = np.empty(3), np.empty((2, TILE + 1))
     unsure = np.zeros(worst.shape[1], np.bool_)
-    count, line, highest, low = len(events[HEIGHT]), np.empty(12), math.inf, np.empty(12)
+    count, line, highest, low, seen = len(events[HEIGHT]), np.empty(12), math.inf, np.empty(12), 0
+    uncut = np.full(worst.shape[1:], -math.inf)
     for p in range(len(geometry)):
         if p % REFRESH == 0:
             highest = tiles.max()
-        chord(geometry[p], line)
         a, rc = cutters[cutter[p], FLAT_RADIUS], cutters[cutter[p], CORNER_RADIUS]
+        if p == seen:
+            seen = _stretch_end(p, geometry, cutter, is_rapid, STRETCH_SHARE * (a + rc))
+            for c in range(len(parts)):
+                if kinds[c, KIND] == UNCUT and kinds[c, CUTTER] == cutter[p] and not is_rapid[p]:
+                    _meet_uncut(p, seen, parts[c], geometry, row, stock, highest, past, doubtful, space, spot, uncut)
+        chord(geometry[p], line)
         for c in range(len(parts)):
             if kinds[c, CUTTER] != cutter[p]:
                 continue
@@ -328,6 +370,8 @@ def run(geometry, row, cutter, is_rapid, cutters, parts, kinds, wanted, touch, l
                     depth += touch
                 _keep_worst(worst[FIXTURE], row[p], depth, line[X1], line[Y1], boxes[f, HIGH_Z])
             if kind == RAPID and not is_rapid[p]:
+                continue
+            if kind == UNCUT:
                 continue
             may_rub = kind == SHANK and wanted[kind] == 0.0
             limit = wanted[kind] - (0.0 if kind == RAPID else (RUBBING_MM if may_rub else touch))
@@ -356,4 +400,7 @@ def run(geometry, row, cutter, is_rapid, cutters, parts, kinds, wanted, touch, l
                                 spot[Y], spot[Z])
         events, count = _cut(geometry[p], a, rc, row[p], is_rapid[p], touch, stock, heights, worst[RAPID], events,
                              count)
+    for r in range(len(uncut)):
+        if worst[SHANK, r, AMOUNT] <= 0.0 and uncut[r, AMOUNT] > 0.0:
+            put(worst[SHANK, r], uncut[r])
     return (events[ROW][:count], events[CELL][:count], events[HEIGHT][:count]), unsure

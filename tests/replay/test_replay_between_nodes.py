@@ -184,6 +184,34 @@ def test_retraced_and_lifted_rapids_are_no_contact():
         assert kinds(result) == [] and result.undecided_lines == ()
 
 
+def ringed_bore(left_mm, levels):
+    """A bore of 10 mm, 10 deep, bored but for a ring on its wall by a flat cutter of 6, then once round at each level."""
+    around = lambda r, z, fall=0.0: [arc((-r, 0, z - fall / 2), (0, 0, 0), Plane.XY), arc((r, 0, z - fall), (0, 0, 0), Plane.XY)]
+    near, wall = 2.0 - left_mm, 2.0
+    moves = [rapid(near, 0, 5), feed(near, 0, 0), *(m for k in range(10) for m in around(near, -k, 1.0)), *around(near, -10)]
+    for z in levels:
+        moves += [feed(0, 0, moves[-1][1][2]), rapid(0, 0, 5), feed(0, 0, z), arc((wall, 0, z), (1.0, 0, 0), Plane.XY),
+                  *around(wall, z)]
+    return moves
+
+
+@pytest.mark.parametrize("neck, left, wanted", [(5.8, 0.3, 0.2), (5.7, 0.3, 0.15), (5.7, 0.1, None), (5.2, 0.3, None)])
+def test_a_thinner_neck_meets_what_its_flutes_are_too_short_to_take(neck, left, wanted):
+    """The flutes of 4 mm at 10 mm: their shadow in the height field takes the ring above them, they do not.  In the arcs'
+    pieces, in chords, and along a wall; down by levels nothing is met."""
+    cutter = {1: tool("flat", 6, neck=neck, flute=4.0, stick_out=60.0)}
+    at_once = ringed_bore(left, [-10.0])
+    turned = np.linspace(0.0, 2 * np.pi, 91)[1:]
+    wall = [rapid(-30, 13 - left, 5), feed(-30, 13 - left, -10)]
+    long, short = ([*wall, *(feed(x, 13 - left, -10) for x in ends)] for ends in ([30.0], np.arange(-29.9, 30.0, 0.1)))
+    for moves in (at_once, at_once[:-2] + [feed(2 * np.cos(a), 2 * np.sin(a), -10) for a in turned], long, short):
+        found = run(moves, cutter).findings
+        assert {f.kind for f in found} == ({"shank_contact"} if wanted else set())
+        assert not wanted or max(f.amount_mm for f in found) == pytest.approx(wanted, rel=0.05)
+    by_levels = ringed_bore(left, [-3.5, -7.0, -10.0])
+    assert kinds(run(by_levels, cutter)) == []
+
+
 def test_a_shank_retraces_a_slot_over_other_corner_points():
     """The lower pass has other points on the same way; 0.0005 mm aside its shank rubs, 0.005 mm aside it touches."""
     upper = [rapid(-30, 1, 5), feed(-30, 1, -4.5), feed(-5, 1, -4.5), feed(25, 11, -4.5), rapid(25, 11, 5),
