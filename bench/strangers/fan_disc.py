@@ -27,7 +27,7 @@ def design(p: FanDisc) -> Design:
                     bd.ThreePointArc((26, 0.6), (17, 1.2), (8.6, -2.4))
                     bd.Line((8.6, -2.4), (8.6, 0))
                 bd.make_face()
-        bd.extrude(amount=7.5, taper=4)
+        bd.extrude(amount=7.5, dir=(0, 0, 1), taper=4)
     above = [f for f in part.faces() if f.center().Z > 0.1
              and not (f.geom_type == bd.GeomType.CYLINDER and f.radius > 29)]
     return Design(

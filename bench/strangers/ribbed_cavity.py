@@ -1,4 +1,4 @@
-"""Mould cavity: drafted walls, two drafted rib slots in its floor, four ejector holes 4 H7, in P20 or like."""
+"""Mould cavity: drafted walls, two drafted rib slots in its floor, four ejector holes 4 H7, in H13."""
 
 import build123d as bd
 
@@ -31,7 +31,7 @@ def design(p: RibbedCavity) -> Design:
     return Design(
         name="ribbed_cavity", description="mould cavity with ribs and ejector holes", parameters=p, solid=part.part,
         predicates={"ejectors": holes, "cavity": [f for f in inside if f not in holes]},
-        material="steel_h13", machine="mill_heidenhain",
+        material="steel_h13_48hrc", machine="mill_heidenhain",
         stock=StockBox(min_mm=(-32, -24, -24), max_mm=(32, 24, 0)),
         finish=Finish(scallop_mm=0.01, profile_tolerance_mm=0.004, gouge_mm=0.005),
         setups=(Setup(name="setup-1", faces=("ejectors", "cavity"), wcs_in_words="X0 Y0 middle, Z0 on top"),))

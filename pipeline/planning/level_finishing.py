@@ -5,6 +5,8 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.ndimage import distance_transform_edt
+from scipy.spatial import cKDTree
 
 from cuspline.kernel.brep import bounding_box_mm
 from cuspline.planning.context import path_tolerance_mm
@@ -17,9 +19,11 @@ from cuspline.toolpaths.freeform.parallel_passes import Bearing
 from cuspline.toolpaths.freeform.plane_curves import PlaneCurve
 from cuspline.toolpaths.freeform.tip_field import tip_field
 from cuspline.toolpaths.freeform.tip_links import moves_of_tip_paths
+from cuspline.toolpaths.freeform.tip_merging import straight_rows
 from cuspline.toolpaths.freeform.tip_paths import PathRules, TipPath, tip_paths
 from cuspline.toolpaths.freeform.waterline import DropHeights, waterlines
 from cuspline.values import fixed_math as fixed
+from cuspline.values.arrays import runs_of
 from cuspline.values.errors import CutterDoesNotFit, PlanError, ToolpathError
 
 UPRIGHT = 1e-6              # of a unit normal's z: an upright wall
@@ -28,6 +32,8 @@ FOOT_SHARE = 0.01           # of the floors, that a flat cutter is to finish bey
 ASIDE_MM = 0.01             # from a wall, of the outermost passes side by side: those along the walls come nearer
 HOP_MM = 0.1                # a pass interrupted for less runs where its cutter just fits between walls, or just does not
 PITCH_SHARE = 0.05          # of the cutter's radius: grid on which the region of a floor is looked for
+STRAIGHT_SHARE = 0.25       # of the tolerance, that chords along walls may leave them
+STRIP_PITCHES = 2           # how much farther than need be a cutter may stand beside a strip along a wall
 OVER_SHARE = 0.2            # of the radius that passes run over an open edge
 ON_IT_MM = 2e-5             # a tip so near to a floor's height lies on it: contacts are found to half of that
 BESIDE_MM = 2.0             # facing passes begin and end so far beside the stock
@@ -282,9 +288,32 @@ def _region(work, tool, faces):
         dropper = FloorDropper(dropper, i, tip_z, (first[:2], last[:2]))
     radius = tool.cutter.radius_mm
     try:
-        return tip_field(dropper, faces, (low[:2], high[:2]), PITCH_SHARE * radius, OVER_SHARE * radius)
+        field = tip_field(dropper, faces, (low[:2], high[:2]), PITCH_SHARE * radius, OVER_SHARE * radius)
     except ToolpathError:
         return None
+    return _beside_strips(field, work.samples.point_mm[np.isin(work.samples.face, faces), :2], tip_z)
+
+
+def _beside_strips(field, places, tip_z_mm):
+    """The field with where the cutter stands beside a floor that is narrower, along a wall, than its radius: as little as it can.
+
+    Args:
+        field: TipField.   places: (n, 2) samples of its floors.   tip_z_mm: of a tip on them.
+    """
+    bare = places[cKDTree(field.node_xy_mm[field.is_inside]).query(places)[0] > field.dropper.radius_mm]
+    beside = ~field.is_inside & field.is_edge & (np.abs(field.tip_z_mm - tip_z_mm) <= ON_IT_MM)
+    if not len(bare) or not beside.any():
+        return field
+    beside[beside] = field.dropper.contacts(field.node_xy_mm[beside]).touches_rim(field.wanted)
+    nodes = field.node_xy_mm[beside]
+    away, near = cKDTree(places).query(nodes)[0], cKDTree(nodes).query_ball_point(bare, field.dropper.radius_mm)
+    least = np.full(len(nodes), -np.inf)        # how far off the floor the nearest stands that comes to the places it comes to
+    for rows in near:
+        least[rows] = np.maximum(least[rows], away[rows].min(initial=np.inf))
+    taken = np.zeros(beside.shape, bool)
+    taken[beside] = away <= least + STRIP_PITCHES * field.pitch_mm
+    beyond = np.minimum(field.beyond_mm, np.maximum(distance_transform_edt(~taken) - 1.0, 0.0) * field.pitch_mm)
+    return replace(field, beyond_mm=beyond, is_inside=field.is_inside | (beside & (beyond < field.run_over_mm)))
 
 
 def _side_by_side(field, step_mm, tolerance_mm):
@@ -319,9 +348,20 @@ def _along_walls(field, height_mm, tolerance_mm):
     z = height_mm + tolerance_mm / 2            # where the loop has a place
     drops = DropHeights(tips_at=field.dropper.tips_mm)
     lines = waterlines(drops, [z], low, high, pitch_mm=field.pitch_mm, chord_mm=tolerance_mm / 2)
-    return [TipPath(tips_mm=_closed(line), is_closed=line.is_closed, curve=k) for k, line in enumerate(lines)
-            if field.is_near(line.tip_mm[:, :2]).all()]
+    found = []
+    for k, line in enumerate(lines):
+        is_near = field.is_near(line.tip_mm[:, :2])
+        if is_near.all():
+            tips = np.vstack([line.tip_mm, line.tip_mm[:1]]) if line.is_closed else line.tip_mm
+            found.append(TipPath(tips_mm=_straightened(tips, tolerance_mm), is_closed=line.is_closed, curve=k))
+            continue
+        begin = int(np.argmin(is_near)) if line.is_closed else 0        # a loop is opened where it is off the floor
+        tips, is_near = np.roll(line.tip_mm, -begin, axis=0), np.roll(is_near, -begin)
+        found += [TipPath(tips_mm=_straightened(tips[a:b], tolerance_mm), is_closed=False, curve=k)
+                  for a, b in runs_of(is_near) if b - a > 1]
+    return found
 
 
-def _closed(line):
-    return np.vstack([line.tip_mm, line.tip_mm[:1]]) if line.is_closed else line.tip_mm
+def _straightened(tips, tolerance_mm):
+    """Fewer of them: the crossings of the grid's lines stand in no relation to how the wall bends."""
+    return tips[straight_rows(tips, STRAIGHT_SHARE * tolerance_mm)]

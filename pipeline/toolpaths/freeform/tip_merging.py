@@ -45,6 +45,12 @@ def merged_rows(dense, dropper, tolerance_mm, lateral_mm):
         keep[middle] = untested[middle] = True
 
 
+def straight_rows(tip_mm, within_mm):
+    """(k,) rising rows of tips (n, 3) of one height that stay where chords may leave the others so far in plan."""
+    none, free = np.zeros(len(tip_mm), bool), np.full(len(tip_mm), within_mm)
+    return np.flatnonzero(_greedy(np.ascontiguousarray(tip_mm), none, free, within_mm, within_mm))
+
+
 def _beside(tips, rows, untested):
     """Spots below chords that leave the curve: (chord (n,), xy (n, 2), share of the chord (n,), row beside it (n,))."""
     inner = np.ones(len(tips), bool)
