@@ -11,6 +11,13 @@ class FanDisc(Parameters):
 
 
 def design(p: FanDisc) -> Design:
+    with bd.BuildSketch() as ridge:
+        with bd.BuildLine():
+            bd.ThreePointArc((8.6, 0), (17, 4), (26, 3))
+            bd.ThreePointArc((26, 3), (26.9, 1.9), (26, 0.6))
+            bd.ThreePointArc((26, 0.6), (17, 1.2), (8.6, -2.4))
+            bd.Line((8.6, -2.4), (8.6, 0))
+        bd.make_face()
     with bd.BuildPart() as part:
         with bd.BuildSketch(bd.Plane.XZ):
             with bd.BuildLine():
@@ -21,13 +28,8 @@ def design(p: FanDisc) -> Design:
         bd.revolve(axis=bd.Axis.Z)
         with bd.BuildSketch(bd.Plane.XY.offset(5)):
             with bd.PolarLocations(0, 6):
-                with bd.BuildLine():
-                    bd.ThreePointArc((8.6, 0), (17, 4), (26, 3))
-                    bd.ThreePointArc((26, 3), (26.9, 1.9), (26, 0.6))
-                    bd.ThreePointArc((26, 0.6), (17, 1.2), (8.6, -2.4))
-                    bd.Line((8.6, -2.4), (8.6, 0))
-                bd.make_face()
-        bd.extrude(amount=7.5, dir=(0, 0, 1), taper=4)
+                bd.add(ridge.sketch)
+        bd.extrude(amount=7.5)
     above = [f for f in part.faces() if f.center().Z > 0.1
              and not (f.geom_type == bd.GeomType.CYLINDER and f.radius > 29)]
     return Design(

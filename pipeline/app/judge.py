@@ -27,6 +27,7 @@ from cuspline.shop.hole_forces import hole_force_of
 from cuspline.shop.materials import known_materials
 from cuspline.shop.tool_lives import life_of
 from cuspline.surfaces.threaded_walls import faces_with_threads, threaded_walls
+from cuspline.values.amounts import left_in_words
 from cuspline.values.checkpoints import NOTHING
 from cuspline.values.errors import InputError, ReadError
 from cuspline.values.findings import Finding, axes_upright, located
@@ -50,7 +51,6 @@ from cuspline.verification.verdict import FirstLook, Judging, Options, SetupProg
 OF_BODIES = ("idle_operation", "plunge", "overload")       # kinds that say how a cutter takes stock off
 DRAFTED_WORST = ("gouge_max_mm", "excess_max_mm", "cusp_max_mm", "cusp_p99_mm")
 DRAFTED_SUMS = ("points_checked", "area_required_mm2", "area_reached_mm2", "area_unreachable_mm2")
-LEAST_SAID_MM2 = 0.05       # out of reach, that the verdict's line tells of
 CLOSER = 2.0                # as fine a look again, where the two verifiers differ: it may be their own resolution
 
 
@@ -439,21 +439,7 @@ def figures_in_words(numbers):
 
 def told_in_words(numbers):
     """The same, and what no cutter reaches."""
-    return figures_in_words(numbers) + left_in_words(numbers["unreachable"])
-
-
-def left_in_words(unreachable):
-    """What no cutter reaches, to go on with; "" where that is next to nothing.
-
-    >>> left_in_words([{"area_mm2": 677.0, "largest_deviation_mm": 2.0}, {"area_mm2": 9.0, "stays_radius_mm": 1.5}])
-    ', 677.0 mm2 out of reach with up to 2.000 mm left, 9.0 mm2 in inner corners that stay R1.500'
-    """
-    corners, others = ([row for row in unreachable if ("stays_radius_mm" in row) is is_round] for is_round in (True, False))
-    most = lambda rows, name: max((row[name] for row in rows), default=0.0)
-    said = [(others, f"out of reach with up to {most(others, 'largest_deviation_mm'):.3f} mm left"),
-            (corners, f"in inner corners that stay R{most(corners, 'stays_radius_mm'):.3f}")]
-    areas = [(sum(row["area_mm2"] for row in rows), words) for rows, words in said]
-    return "".join(f", {area:,.1f} mm2 {words}" for area, words in areas if area >= LEAST_SAID_MM2)
+    return figures_in_words(numbers) + "".join(f", {told}" for told in left_in_words(numbers["unreachable"]))
 
 
 def lines_of(text):

@@ -24,7 +24,7 @@ from cuspline.report.wording import (
     short_of_length,
     tool_name,
 )
-from cuspline.values.amounts import length
+from cuspline.values.amounts import left_in_words, length
 
 VERIFIED, ACCEPTED, REFUSED = "verified", "accepted", "refused"     # states of a verdict, and CSS classes
 
@@ -136,6 +136,11 @@ def limits(bundle):
              _state(verify, verify.get("gouge_max_mm"), "gouge")),
             ("Most material left", decimal(verify.get("cusp_max_mm"), 4, "mm"), left,
              _state(verify, verify.get("cusp_max_mm"), "excess", "missing_area"))]
+
+
+def not_reached(bundle):
+    """Texts of the first screen: what is accepted though no cutter comes there, it is not in the verdict's figures."""
+    return [told.replace("mm2", "mm²") for told in left_in_words(bundle.verify.get("unreachable") or ())]
 
 
 def operations(bundle):

@@ -48,7 +48,8 @@ def report_html(bundle, images, plots, left_out):
     """
     meta, blocks = scene(bundle)
     return _template("page.html").render(
-        **_common(bundle, images), left_out=left_out, limits=facts.limits(bundle), facts=facts.one_minute(bundle),
+        **_common(bundle, images), left_out=left_out, limits=facts.limits(bundle),
+        not_reached=facts.not_reached(bundle), facts=facts.one_minute(bundle),
         first_findings=FIRST_FINDINGS,
         operations=facts.operation_rows(bundle), edge_rows=facts.edge_rows(bundle.verify),
         hole_rows=facts.hole_rows(bundle.verify),

@@ -163,7 +163,7 @@ def sample_verify():
              "gouge_volume_mm3": 0.0, "excess_volume_mm3": 9.1, "error_bound_mm": 0.0009, "points_checked": 412_345,
              "area_required_mm2": 2893.2, "area_reached_mm2": 2871.9, "collisions": [], "findings": []}
     return {"ok": True, **total, "area_unreachable_mm2": 21.3,
-            "unreachable": [{"area_mm2": 21.3, "place_mm": [42.0, 20.0, 14.0],
+            "unreachable": [{"area_mm2": 21.3, "largest_deviation_mm": 0.85, "place_mm": [42.0, 20.0, 14.0],
                              "reason": "foot of the step: no ball cutter reaches a sharp inner corner"}],
             "cusps": [{"face": 4, "operation": "finish", "ridges": 800, "wanted_mm": 0.020, "share_within_10_percent": 0.62,
                        **{k: {"p50": v, "p90": v, "p99": 1.1 * v, "max": 1.2 * v}

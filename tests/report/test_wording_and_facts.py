@@ -125,3 +125,9 @@ def test_the_first_screen_states_what_the_verdict_accepts(sample_bundle, refused
     assert gouge == ("Deepest gouge", "0.0008 mm", "0.003", "good")
     assert left == ("Most material left", "0.0191 mm", "0.025 (scallop 0.02 + tolerance 0.005)", "good")
     assert facts.limits(refused_bundle)[0][3] == "bad"
+
+
+def test_the_first_screen_tells_what_is_accepted_though_no_cutter_comes_there(sample_bundle):
+    rows = [{"area_mm2": 184.4, "largest_deviation_mm": 2.0}, {"area_mm2": 0.01, "stays_radius_mm": 4.0}]
+    told = lambda found: facts.not_reached(replace(sample_bundle, verify={**sample_bundle.verify, "unreachable": found}))
+    assert told(rows) == ["184.4 mm² out of reach with up to 2.000 mm left"] and told([]) == []
