@@ -24,7 +24,7 @@ from cuspline.app.catalogue import sources_of_post
 from cuspline.app.judge import begun, figures_in_words, post_module, posted_positions, told_in_words
 from cuspline.app.outcome import Result
 from cuspline.app.report_inputs import report_bundle, shape_of, view_of
-from cuspline.design.design import by_clamping
+from cuspline.design.design import by_clamping, with_zero_heights
 from cuspline.design.job import Job, PostedFile, digest_of, job_line
 from cuspline.design.setup_alignment import refixturing_in_words
 from cuspline.design.stock import FromFile, settled, stock_in_words
@@ -119,6 +119,8 @@ def _made(order, work, say):
     say(f"{design.name}: STEP")
     solid = brep.the_solid(design.solid, f"design {design.name}")
     design = replace(design, stock=settled(design.stock, solid, order.shop.practice))
+    if order.machine.supports_z_mm is not None:
+        design = with_zero_heights(design)
     order = replace(order, design=design)
     if design.setups and order.last_stage != "step":
         refuse_impossible_setups(design, solid, order.machine, order.library)

@@ -369,10 +369,10 @@ def _axes_at(program, machine, tools):
     posted, setup, chain = program.posted, program.setup, machine.kinematics
     if not machine.rotaries:
         offsets = {n: t.offset_mm for n, t in tools.items()}
-        return axes_upright(posted, setup.frame, machine.wcs_origin_mm, offsets)
+        return axes_upright(posted, setup.frame, machine.zero_mm(setup.zero_height_mm), offsets)
 
     def at(row, place_mm):
-        tip = setup.clamped_frame.into(place_mm[None]) + np.array(machine.wcs_origin_mm)
+        tip = setup.clamped_frame.into(place_mm[None]) + np.array(machine.zero_mm(setup.zero_height_mm))
         tool = tools.get(int(posted.tool[row])) if posted.length_offset_on[row] else None
         turned = np.radians(np.nan_to_num(posted.rotary_deg[row]))
         return chain.placed(tip, turned, 0.0 if tool is None else tool.length_mm)[0, :3]
@@ -403,7 +403,8 @@ def _by_position(moves, setups):
 def moves_of_file(text, setup, machine, tools):
     """PostedMoves of one file, heads left out."""
     read = reader_of(machine)
-    return read(text, work_offsets={setup.wcs: machine.wcs_origin_mm}, tool_lengths={n: t.offset_mm for n, t in tools.items()},
+    zero = machine.zero_mm(setup.zero_height_mm)
+    return read(text, work_offsets={setup.wcs: zero}, tool_lengths={n: t.offset_mm for n, t in tools.items()},
                 **radii_taken(read, tools), **coolants_taken(read, machine))
 
 

@@ -90,7 +90,8 @@ def _motion(held, rows, drawn, machine, broken_down):
         operation[position == k] = seen.posted.operation
     share = (np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts) + 1) / np.repeat(counts, counts)
     begins = lambda ends, lasts: np.repeat(ends - lasts, counts) + np.repeat(lasts, counts) * share
-    each, frame, zero = lambda values: np.repeat(values, counts, axis=0), held[0].setup.clamped_frame, machine.wcs_origin_mm
+    each, frame, zero = lambda values: np.repeat(values, counts, axis=0), held[0].setup.clamped_frame, machine.zero_mm(
+        held[0].setup.zero_height_mm)
     lasts = np.where(position >= 0, takes, 0.0)
     return Motion(
         setups=rows, place=Frame(rotation=frame.rotation.T, origin_mm=zero + frame.into(np.zeros((1, 3)))[0]),

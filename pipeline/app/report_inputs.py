@@ -128,6 +128,7 @@ def _setup_bundle(work, judged, k, item, drawn, job):
     origin, lift = np.array(replay.zmap.origin_mm) + zero[:2], zero[2]
     lies = item.setup.refixturing
     return SetupBundle(
+        zero_height_mm=None if machine.supports_z_mm is None else item.setup.zero_height_mm,
         markers=_markers(item.setup.markers, item.setup), held_frame=item.setup.clamped_frame if item.setup.indexed else None,
         marked_for_later=_markers({m.name: m for later in job.posted[k + 1:] for m in later.setup.markers}.values(), item.setup)
         if not item.setup.markers else (),

@@ -1,6 +1,6 @@
 """A Design: the B-rep with what must be known to cut it. The truth is the B-rep."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Annotated, Any, Callable, Literal
 
@@ -22,6 +22,7 @@ from cuspline.values.models import SEVERAL, FileName, Model, Names, Point, compl
 UNIT = 1e-9               # how exact unit vectors must be
 COARSEST_MM = 5.0         # nobody finishes a part more coarsely
 DEFAULT_MACHINE = "mill_3axis"
+HEIGHT_DECIMALS = 6
 
 
 class Parameters(Model):
@@ -128,6 +129,8 @@ class Setup(Model):
     marker_limit_mm: float = Field(default=0.02, gt=0, description="how far a measured marker may be from the rigid part")
     marker_error_mm: float = Field(default=0.002, gt=0, description="of one measured coordinate of a marker, root mean square")
     far_limit_mm: float = Field(default=0.010, gt=0, description="how uncertain what is cut far from the markers may be")
+    zero_height_mm: float | None = Field(default=None, ge=0, description="of the zero above what the stock stands on, where the "
+                                         "machine says how high that is; left out: as far as the stock reaches below the zero")
     refixturing: Refixturing | None = Field(default=None, description="what measured markers came to; None: as designed")
     indexed: bool = Field(default=False, description="an indexed position (3+2): the rotary axes turn the part to it as "
                           "the setup before holds it, in the same program; zero, fixtures and markers are that setup's")
@@ -139,7 +142,7 @@ class Setup(Model):
     @model_serializer(mode="wrap")
     def _without_what_it_has_not(self, dump):
         unsaid = () if self.indexed else ("indexed", "clamped_x", "clamped_z")
-        as_ever = [n for n in ("marker_error_mm", "far_limit_mm", "planned_as")
+        as_ever = [n for n in ("marker_error_mm", "far_limit_mm", "planned_as", "zero_height_mm")
                    if getattr(self, n) == type(self).model_fields[n].default]
         return {k: v for k, v in dump(self).items() if k not in (*unsaid, *as_ever)}
 
@@ -246,6 +249,18 @@ def by_clamping(items, goes_on=lambda before, item: item.setup.is_held_as(before
         else:
             held.append([item])
     return held
+
+
+def with_zero_heights(design):
+    """The design, of each setup how high its zero stands over what the stock lies on, where the stock reaches below it."""
+    return replace(design, setups=tuple(_with_zero_height(s, design.stock.shape) for s in design.setups))
+
+
+def _with_zero_height(setup, shape):
+    if setup.indexed or setup.zero_height_mm is not None:
+        return setup
+    low = float(shape.box_in(setup.turn)[0][2]) - float(setup.turn.into(np.array([setup.wcs_origin_mm]))[0, 2])
+    return setup.model_copy(update={"zero_height_mm": round(-low, HEIGHT_DECIMALS)}) if low < 0 else setup
 
 
 @dataclass(frozen=True, kw_only=True)

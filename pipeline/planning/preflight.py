@@ -123,8 +123,9 @@ def _travel_faults(what, box, setup, machine, library):
     """Where no tool of the library can come; its middle may stay beside a place by its radius."""
     beside = max(t.cutter.largest_radius_mm for t in library.tools)
     lengths = [t.length_mm for t in library.tools]
+    zero = machine.zero_mm(setup.zero_height_mm)
     for k, (name, axis) in enumerate(zip("XYZ", machine.axes)):
-        low, high = (float(c[k]) + machine.wcs_origin_mm[k] for c in box)
+        low, high = (float(c[k]) + zero[k] for c in box)
         if name == "Z":
             low, high = low + max(lengths), high + min(lengths)
         slack = 0.0 if name == "Z" else beside

@@ -71,6 +71,7 @@ class SetupBundle:
     markers: tuple                  # (name, (x, y, z) in WCS) of what is touched to find how the part lies
     marked_for_later: tuple = ()    # the same of what a later clamping touches, as it lies here
     markers_elsewhere: dict = field(default_factory=dict)   # name of either -> (setup of another clamping, the place in its WCS)
+    zero_height_mm: float | None = None     # of the zero over what the stock lies on, where that was taken for the travels
     rotaries: tuple = ()            # (letter, degrees or None, (2, 3) a point of it and its direction, part coordinates while all
                                     # stand at 0) of the rotary axes that carry the part
     held_frame: Frame | None = None     # of the WCS of what holds the part, where the frame is turned from it

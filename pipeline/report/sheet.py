@@ -92,7 +92,9 @@ def zero_rows(bundle, setup):
     held = [("Held by", ", ".join(name for name, _ in setup.fixtures))] if setup.fixtures else []
     turned = [("Rotary axes", setup.turned_in_words)] if setup.turned_in_words else []
     swings = [("Program turns", setup.swings_in_words)] if setup.swings_in_words and not turned else []
-    return [("Zero", f"{setup.wcs}: {setup.wcs_in_words}"), *turned, *swings, ("Stock", stock_size(setup)), *held,
+    high = [] if setup.zero_height_mm is None else [
+        ("Travels checked with", f"the zero {lengths.short(setup.zero_height_mm)} {setup.units} above what the stock stands on")]
+    return [("Zero", f"{setup.wcs}: {setup.wcs_in_words}"), *high, *turned, *swings, ("Stock", stock_size(setup)), *held,
             (f"Stock in {setup.axes_name if turned else 'WCS'}", spans(setup.stock_box_mm)), ("Tip goes", spans(setup.extents_mm)),
             ("Finished part", lengths.box_size(bundle.part_box_mm)), *lies,
             *((f"Axis {axis[0]}", _axis_in_words(setup, axis, lengths)) for axis in setup.rotaries),

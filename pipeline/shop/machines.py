@@ -250,7 +250,7 @@ class Machine(Sparse):
     Z is the spindle's direction on a horizontal machine too; `upward` says which way up is.
     """
 
-    LEFT_OUT = ("a", "b", "c", "chain", "spindle_direction", "upward", "bodies")
+    LEFT_OUT = ("supports_z_mm", "a", "b", "c", "chain", "spindle_direction", "upward", "bodies")
     name: str
     description: str
     x: LinearAxis
@@ -263,6 +263,9 @@ class Machine(Sparse):
     table_z_mm: Coordinate = Field(description="table top, machine coordinates")
     wcs_origin_mm: Point = Field(
         description="where G54 is expected, machine coordinates of the spindle nose")
+    supports_z_mm: Coordinate | None = Field(
+        default=None, description="what the stock stands on, parallels or a wasteboard, machine coordinates: where the stock "
+        "reaches below a setup's zero, the zero is expected so much higher; left out: where wcs_origin_mm says, whatever the part")
     tool_change_z_mm: float | None = Field(
         default=None, description="lowest spindle nose at which a tool is changed, machine coordinates; left out: where "
         "G53 Z0 and G28 lead, or the top of the travel where that is lower")
@@ -289,6 +292,9 @@ class Machine(Sparse):
         if sorted(self.chain) != wanted:
             raise ValueError(f"chain must hold each of {', '.join(wanted)} once, from the part to the tool; it holds "
                              f"{', '.join(self.chain) or 'nothing'}")
+        if self.rotaries and self.supports_z_mm is not None:
+            raise ValueError("supports_z_mm is for machines without rotary axes: on one that turns the part, say where the zero "
+                             "is by wcs_origin_mm alone")
         if len(self.rotaries) > 2:
             raise ValueError("three rotary axes: a machine has at most two that move together")
         unknown = [f"{body.name} moves with {body.link}" for body in self.bodies if body.link not in self.chain]
@@ -329,6 +335,11 @@ class Machine(Sparse):
     @property
     def axes(self):
         return (self.x, self.y, self.z)
+
+    def zero_mm(self, height_mm=None):
+        """(3,) where a setup's zero is expected, machine coordinates; `height_mm`: of it over what the stock lies on."""
+        x, y, z = self.wcs_origin_mm
+        return (x, y, z) if self.supports_z_mm is None or height_mm is None else (x, y, max(z, self.supports_z_mm + height_mm))
 
     @property
     def rotaries(self):

@@ -182,7 +182,7 @@ def _solid_of(body, kind):
 
 def _clamped(held, job):
     """[Solid] of the blank and the fixtures."""
-    zero = np.array(job.machine.wcs_origin_mm)
+    zero = np.array(job.machine.zero_mm(held.zero_height_mm))
     vertices, triangles = job.stock.shape.mesh
     seen = [("the blank", job.stock.shape, held.clamped_frame.into(vertices), triangles, "holder_contact")]
     seen += [(f.name, f.shape, *f.mesh, "fixture_contact") for f in placed_fixtures(held, held.clamped_frame)]
