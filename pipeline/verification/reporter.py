@@ -12,10 +12,10 @@ from cuspline.verification.certificate import gouges_beyond
 from cuspline.verification.reach import AT_FOOT
 
 NOISE_MM = 1e-6           # a tolerance is exceeded only by more than this
-EXCESS_ADVICE = ("lower `scallop_mm` of the setup's operation for closer passes, or add a smaller ball to the file of "
-                 "--cutters")
-MISSING_ADVICE = ("give its face to an operation of the setup (`faces`), or add a ball to the file of --cutters that "
-                  "is smaller, or sticks out farther")
+EXCESS_ADVICE = ("lower `scallop_mm` of the setup's operation for closer passes, or add a smaller cutter to the file of "
+                 "--cutters: a ball, between upright walls a flat one narrower than they are apart")
+MISSING_ADVICE = ("give its face to an operation of the setup (`faces`), or add a cutter to the file of --cutters that "
+                  "is smaller, or sticks out farther: a ball, between upright walls a flat one")
 LOOKED_CLOSER = ("and it stayed when both looked twice as closely; do not cut, keep the folder and report this as a fault of "
                  "cuspline")
 FOOT_ADVICE = ("a cutter of the program fits here, though no ball of the shop does: let its floor pass run up to the wall, and its "
