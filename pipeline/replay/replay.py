@@ -61,7 +61,7 @@ def replay(posted, tools, stock, *, design=FinishedDesign(), around=Surroundings
     worst[replay_kernel.LOW, replay_checks.in_own_holes(posted, tools), replay_kernel.AMOUNT] = -np.inf
     report = replay_checks.Reporter(posted, around.setup, around.frame)
     hanging = {t.number: head_clearance.lowest_mm(t) for t in on_heads}
-    found = (*report.contacts(worst), *report.not_proven(unsure), *report.states(top),
+    found = (*report.contacts(worst, around.fixtures), *report.not_proven(unsure), *report.states(top),
              *report.unknown_starts(highest, hanging, machine), *report.travel(machine),
              *report.table(machine, tools, run.script, hanging), *report.end(),
              *report.loads(taken, tools),

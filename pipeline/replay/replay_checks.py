@@ -1,5 +1,7 @@
 """Findings out of a replay: neighbouring moves are merged, each finding says what to do."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from cuspline.program.program import Kind, Plane
@@ -18,7 +20,7 @@ CONTACTS = (
     ("rapid_through_stock", "lift to the clearance height before this rapid, or make it a feed move"),
     ("shank_contact", "use a longer flute or reach, or a thinner shank, or rough this region before"),
     ("holder_contact", "raise the stick-out by at least this amount, or take a slimmer holder"),
-    ("fixture_contact", "move the fixture, or lift the path over it"),
+    ("fixture_contact", "move it, lift the path over it, or take a longer tool"),
     ("rapid_too_low", "keep rapids this much higher above the stock, or go there at feed"),
 )
 DEEP_MM = 0.05            # a cutter's centre meets stock when it goes deeper: ridges between passes are lower
@@ -64,6 +66,12 @@ def in_own_holes(posted, tools):
         elif z < posted.start_mm[row, 2] and z >= deepest.get(key, np.inf):
             rows.append(row)
     return np.array(rows, np.int64)
+
+
+def _nearest(fixtures, place_mm):
+    """The fixture whose box is nearest to a place (3,)."""
+    beside = lambda f: np.maximum(np.maximum(np.array(f.min_mm) - place_mm, place_mm - np.array(f.max_mm)), 0.0)
+    return min(fixtures, key=lambda f: float((beside(f) ** 2).sum()))
 
 
 class Reporter:
@@ -119,14 +127,17 @@ class Reporter:
         for runs in by_operation.values():
             yield from ([sum(runs, [])] if len(runs) > MANY else runs)
 
-    def contacts(self, worst):
-        """Findings of worst (5, rows, 4): rapid, shank, holder, fixture, rapid too low."""
+    def contacts(self, worst, fixtures=()):
+        """Findings of worst (5, rows, 4): rapid, shank, holder, fixture, rapid too low; `fixtures`: of scene.Surroundings."""
         everything = np.ones(len(self.posted), dtype=bool)
         worst[LOW, worst[RAPID, :, 0] > NOISE_MM, 0] = 0.0          # it meets the stock: that is told
         for (kind, advice), table in zip(CONTACTS, worst):
             amount = np.where(table[:, 0] > NOISE_MM, table[:, 0], 0.0)
             relevant = self.is_rapid if kind.startswith("rapid") else everything
-            yield from self.merged(kind, amount, table[:, 1:], relevant, advice)
+            for found in self.merged(kind, amount, table[:, 1:], relevant, advice):
+                if kind == "fixture_contact" and fixtures:
+                    found = replace(found, advice=f"{_nearest(fixtures, table[found.row, 1:]).name}: {found.advice}")
+                yield found
 
     def not_proven(self, is_unsure):
         """Moves of which neither a contact with the stock nor its absence is shown."""

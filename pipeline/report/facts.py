@@ -109,8 +109,9 @@ def verdict(verify):
     open_rows = [row for row in rows if not row.is_accepted]
     if verify.get("ok") is True and not open_rows:
         if not rows:
+            how_far = ", as far as its cutters reach" if left_in_words(verify.get("unreachable") or ()) else ""
             return Verdict(state=VERIFIED, headline="VERIFIED",
-                           sentence="The posted program cuts the designed part; no finding.")
+                           sentence=f"The posted program cuts the designed part{how_far}; no finding.")
         return Verdict(state=ACCEPTED, headline=f"VERIFIED, {counted(len(rows), 'accepted finding')}",
                        sentence="The posted program was released with findings accepted by name; read them below.")
     if open_rows:

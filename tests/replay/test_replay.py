@@ -97,6 +97,9 @@ def test_fixture_is_met_by_any_part_on_any_move():
     assert kinds(result) == ["fixture_contact"] and abs(result.findings[0].amount_mm - 3.0) < 1e-6
     tall = Fixture(name="vice", min_mm=(-22, 12, -20), max_mm=(-16, 25, 45))
     assert kinds(run(SLOT, fixtures=[tall])) == ["fixture_contact"]             # the holder: 45 - 3 < 45
+    low = Fixture(name="jaw", min_mm=(40, 6, -20), max_mm=(46, 12, -15))
+    told = [run(over, fixtures=both).findings[0].advice for both in ([low, clamp], [clamp, low])]
+    assert told == 2 * ["clamp: move it, lift the path over it, or take a longer tool"]
 
 
 @pytest.mark.parametrize("column,value,kind", [
