@@ -21,7 +21,8 @@ from cuspline.kernel import brep  # noqa: E402
 HERE = Path(__file__).parent / "strangers"
 PARTS = ("bracket", "housing", "manifold", "oring_cover", "hub", "two_sides", "slanted", "l_pocket", "clamp", "indexed",
          "valve_cover", "motor_mount", "electrode", "keyboard", "gear", "heat_sink", "bearing_block", "camera_mount", "inch_plate",
-         "cf40", "trunnion_valve", "fillet_lid", "wing_rib", "hull_half", "fan_disc", "ribbed_cavity")
+         "cf40", "trunnion_valve", "fillet_lid", "wing_rib", "hull_half", "fan_disc", "ribbed_cavity",
+         "sensor_plate", "knuckle", "duct")
 LIBRARIES = {"inch_plate": ("--cutters", "inch_mills"),
              **dict.fromkeys(("electrode", "keyboard", "gear"), ())}    # the usual one: what it cannot take is to be said truly
 JOBS = ("clamp", "gear")    # STEP with a job file

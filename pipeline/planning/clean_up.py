@@ -130,14 +130,18 @@ def _missing_mm(work, tool, foot, left_mm):
 def _fits(work, tool, foot):
     """(n,) bool: the ball alone touches the place.
 
-    It is dropped a hair beside the place: on an upright wall it would stand on the wall's top.  Where it is held up it
-    is off the place by little on a wall, by all of that on level ground.
+    It is dropped beside the place: on an upright wall it would stand on the wall's top.  By a hair, or by as little as it may be
+    held off: over the wall's rim, where that leans out.  Where it is held up it is off the place by little on a wall, by all of
+    that on level ground.
     """
     radius, up, tips = tool.cutter.radius_mm, foot.normal[:, 2], _tips_mm(tool, foot)
-    beside = tips[:, :2] + ASIDE_MM * foot.normal[:, :2]
-    lifted = np.maximum(work.dropper(radius, radius, 0.0).tips_mm(beside) - tips[:, 2], 0.0)
-    off_mm = np.sqrt(radius ** 2 + 2.0 * radius * up * lifted + lifted ** 2) - radius
-    return (up > -HANGS) & (off_mm <= TOUCH_SHARE * work.finish.scallop_mm)
+    held_mm, fits = TOUCH_SHARE * work.finish.scallop_mm, np.zeros(len(tips), bool)
+    for aside_mm in (ASIDE_MM, held_mm):
+        beside = tips[:, :2] + aside_mm * foot.normal[:, :2]
+        lifted = np.maximum(work.dropper(radius, radius, 0.0).tips_mm(beside) - tips[:, 2], 0.0)
+        off_mm = np.sqrt(radius ** 2 + 2.0 * radius * up * lifted + lifted ** 2) - radius
+        fits |= off_mm <= held_mm
+    return fits & (up > -HANGS)
 
 
 def _moves(work, tool, places_mm, normals, ridge_mm, left_mm):

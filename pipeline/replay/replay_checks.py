@@ -164,7 +164,7 @@ class Reporter:
         posted, feeds = self.posted, ~self.is_rapid
         limit = of_tools(posted, tools, lambda c: c.deepest_slot_mm)
         drills = of_tools(posted, tools, lambda c: c.drills) > 0
-        straight = (posted.start_mm[:, :2] == posted.end_mm[:, :2]).all(axis=1)
+        straight = (np.abs(posted.start_mm - posted.end_mm)[:, :2] <= NOISE_MM).all(axis=1)     # joints turned back are rounded
         sideways = feeds & drills & ~straight & (found.slot_mm > SIDEWAYS_MM)
         yield from self.merged("overload", np.where(sideways, found.slot_mm, 0.0), posted.end_mm, feeds,
                                 "a drill is fed sideways through stock: it cuts along its axis alone; go up before going across")

@@ -8,7 +8,7 @@ import pytest
 
 from cuspline.app import catalogue
 from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
-from cuspline.planning.clean_up import _chained, _fall_together, clean_up
+from cuspline.planning.clean_up import _chained, _fall_together, clean_up, squarely_touched
 from cuspline.planning.context import MADE_AGAIN, PlanningContext
 from cuspline.planning.tool_depth import is_clear_above
 from cuspline.toolpaths.drop.dropcutter import drop_tips_mm
@@ -49,6 +49,22 @@ def test_a_groove_as_round_as_the_ball_is_cut_by_a_pass_along_its_middle(context
     left = left_mm(added.moves, places)
     assert left.max() < 0.3 * ASKED.scallop_mm and left.min() > -ASKED.gouge_mm
     assert len(added.moves) < 200
+
+
+@pytest.mark.parametrize("out_mm, is_touched", [(0.0, True), (0.004, True), (0.012, False)])
+def test_a_rim_that_leans_over_its_wall_may_hold_the_ball_off_by_half_the_cusp(out_mm, is_touched):
+    """A wall 8 mm high under a rim of 1 mm that stands out from it."""
+    body = cq.Workplane().box(20, 20, 4, centered=(False, True, False)).union(
+        cq.Workplane(origin=(-4, 0, 0)).box(8, 20, 12, centered=(True, True, False))).union(
+        cq.Workplane(origin=(-4, 0, 12)).box(8 + 2 * out_mm, 20, 1, centered=(True, True, False)))
+    setup = Setup(name="top", faces=("wall",), wcs_in_words="")
+    design = Design(name="rimmed", description="wall under a rim", parameters=Parameters(), solid=body.val(), setups=(setup,),
+                    predicates={"wall": body.faces(cq.selectors.NearestToPointSelector((0, 0, 8)))}, material="aluminium_6061",
+                    stock=StockBox(min_mm=(-9, -10, 0), max_mm=(20, 10, 13)), finish=ASKED)
+    work = PlanningContext(design, setup, catalogue.find_machine(design.machine), catalogue.find_library(None))
+    ball = next(t for t in work.library.of_type("ball") if t.cutter.radius_mm == RADIUS_MM)
+    squarely = squarely_touched(work, [SimpleNamespace(tool=ball)], np.array([[0.0, y, 9.0] for y in (-2.0, 0.0, 2.0)]), 0.05)
+    assert np.isfinite(squarely).tolist() == 3 * [is_touched]
 
 
 def test_only_middles_that_crowd_are_joined():

@@ -182,3 +182,12 @@ def test_one_heavy_place_in_a_long_light_pass_is_told():
     found = [f for f in run([*face, *deeper, *long], tools=tools) if f.kind == "overload"]
     assert [f.line for f in found] == [10 + len(face) + len(deeper) + 2]
     assert found[0].amount_mm == pytest.approx(np.pi * 25 / 2 / 10, rel=0.04)       # a strip of nodes
+
+
+@pytest.mark.parametrize("aside_mm, wanted", [(0.0, []), (1e-14, []), (0.5, ["overload"])])
+def test_a_drill_goes_straight_down_but_for_rounding(aside_mm, wanted):
+    """Joints of an indexed position, turned back, are off by the last bits: the cross bore of a fork was refused for it."""
+    drill = next(t for t in catalogue.find_library(None).tools if t.cutter.type == "drill" and t.cutter.diameter_mm == 10)
+    hole = [rapid(0, 0, 5), feed(aside_mm, -aside_mm, -15), rapid(aside_mm, -aside_mm, 300)]
+    found = run(hole, tools={1: drill.model_copy(update={"number": 1})})
+    assert [f.kind for f in found if f.kind == "overload"] == wanted
