@@ -306,9 +306,10 @@ def _beside_strips(field, places, tip_z_mm):
         return field
     beside[beside] = field.dropper.contacts(field.node_xy_mm[beside]).touches_rim(field.wanted)
     nodes = field.node_xy_mm[beside]
-    away, near = cKDTree(places).query(nodes)[0], cKDTree(nodes).query_ball_point(bare, field.dropper.radius_mm)
+    away, near = cKDTree(places).query(nodes)[0], cKDTree(nodes)
     least = np.full(len(nodes), -np.inf)        # how far off the floor the nearest stands that comes to the places it comes to
-    for rows in near:
+    for place in bare:                          # one by one: all their nodes together may be many
+        rows = near.query_ball_point(place, field.dropper.radius_mm)
         least[rows] = np.maximum(least[rows], away[rows].min(initial=np.inf))
     taken = np.zeros(beside.shape, bool)
     taken[beside] = away <= least + STRIP_PITCHES * field.pitch_mm
