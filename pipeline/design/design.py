@@ -22,7 +22,7 @@ from cuspline.values.models import SEVERAL, FileName, Model, Names, Point, compl
 UNIT = 1e-9               # how exact unit vectors must be
 COARSEST_MM = 5.0         # nobody finishes a part more coarsely
 DEFAULT_MACHINE = "mill_3axis"
-HEIGHT_DECIMALS = 6
+HEIGHT_DECIMALS = 6         # of a zero's height in mm: what is less is rounding of a turned frame
 
 
 class Parameters(Model):
@@ -252,15 +252,15 @@ def by_clamping(items, goes_on=lambda before, item: item.setup.is_held_as(before
 
 
 def with_zero_heights(design):
-    """The design, of each setup how high its zero stands over what the stock lies on, where the stock reaches below it."""
+    """The Design, each Setup's `zero_height_mm` filled in: mm from the stock's lowest place up to the zero, where above 0."""
     return replace(design, setups=tuple(_with_zero_height(s, design.stock.shape) for s in design.setups))
 
 
 def _with_zero_height(setup, shape):
     if setup.indexed or setup.zero_height_mm is not None:
         return setup
-    low = float(shape.box_in(setup.turn)[0][2]) - float(setup.turn.into(np.array([setup.wcs_origin_mm]))[0, 2])
-    return setup.model_copy(update={"zero_height_mm": round(-low, HEIGHT_DECIMALS)}) if low < 0 else setup
+    height = round(-float(shape.box_in(setup.frame)[0][2]), HEIGHT_DECIMALS)
+    return setup.model_copy(update={"zero_height_mm": height}) if height > 0 else setup
 
 
 @dataclass(frozen=True, kw_only=True)

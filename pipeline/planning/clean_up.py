@@ -136,9 +136,10 @@ def _fits(work, tool, foot):
     """
     radius, up, tips = tool.cutter.radius_mm, foot.normal[:, 2], _tips_mm(tool, foot)
     held_mm, fits = TOUCH_SHARE * work.finish.scallop_mm, np.zeros(len(tips), bool)
+    dropper = work.dropper(radius, radius, 0.0)
     for aside_mm in (ASIDE_MM, held_mm):
         beside = tips[:, :2] + aside_mm * foot.normal[:, :2]
-        lifted = np.maximum(work.dropper(radius, radius, 0.0).tips_mm(beside) - tips[:, 2], 0.0)
+        lifted = np.maximum(dropper.tips_mm(beside) - tips[:, 2], 0.0)
         off_mm = np.sqrt(radius ** 2 + 2.0 * radius * up * lifted + lifted ** 2) - radius
         fits |= off_mm <= held_mm
     return fits & (up > -HANGS)
