@@ -123,6 +123,26 @@ class Arcs:
         return out
 
 
+def chorded(geometry):
+    """Pieces (k, 12) with arcs broken into chords whose sagitta stays below SAGITTA_MM, and the row (k,) of `geometry` of each."""
+    is_arc, in_zx = geometry[:, IS_ARC] != LINE, geometry[:, IN_YZ] == 0
+    centre_u, centre_z, radius = geometry[:, CENTER_U], geometry[:, CENTER_Z], np.where(is_arc, geometry[:, RADIUS], 1.0)
+    along = lambda end: np.where(in_zx, geometry[:, end], geometry[:, end + 1]) - centre_u
+    first, last = (fixed.arctan2(geometry[:, end + 2] - centre_z, along(end)) for end in (X0, X1))
+    turn = np.where(is_arc, (last - first + np.pi) % (2 * np.pi) - np.pi, 0.0)
+    counts = part_counts(np.abs(turn), 2 * fixed.arccos(1 - np.minimum(SAGITTA_MM / radius, 0.5)))
+    whole, part = repeated_parts(counts)
+    own, of = geometry[whole], counts[whole]
+
+    def tips(k):
+        angle = first[whole] + k / of * turn[whole]
+        u = centre_u[whole] + radius[whole] * fixed.cos(angle)
+        between = np.column_stack([np.where(in_zx[whole], u, own[:, X0]), np.where(in_zx[whole], own[:, Y0], u),
+                                   centre_z[whole] + radius[whole] * fixed.sin(angle)])
+        return np.where((k == 0)[:, None], own[:, :X1], np.where((k == of)[:, None], own[:, X1:IN_YZ], between))
+    return np.column_stack([tips(part), tips(part + 1), np.zeros((len(whole), 6))]), whole
+
+
 def repeated_parts(counts):
     """(index of the whole, index of the part) for `counts` parts of each whole."""
     whole = np.repeat(np.arange(len(counts)), counts)

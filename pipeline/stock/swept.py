@@ -3,7 +3,8 @@
 An upright ball, bull nose or flat cutter (SweptPath) takes away everything above its bottom (flutes, then a neck no
 wider), so what it leaves is a height field h(x, y), and its swept volume is closed upward.  Two sets of
 formulas answer for it and know nothing of each other: the signed distance of a point, and the
-height over (x, y).
+height over (x, y).  Where the move that made a place has its flutes' end below it, `deviations_and_moves` looks again,
+with that tool's moves ended there: beside a neck thinner than the flutes, stock is left.
 
 Every other cutter, and every move with a tilted axis (PosedPath, tilted.py), takes away what its flutes pass through
 and no more: above flutes shorter than the slot is deep, stock is left.  One formula, the signed distance,
@@ -11,7 +12,8 @@ answers for it; heights and intervals of stock come from rays in it (rays.py).
 """
 
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -19,8 +21,9 @@ import numpy as np
 from cuspline.program.program import Kind
 from cuspline.shop.cutters import Tool
 from cuspline.stock import rays, tracing, tree
-from cuspline.stock.path_pieces import pieces_of
-from cuspline.stock.tilted import PosedPath, posed_forest, posed_path
+from cuspline.stock.path_pieces import Z0, Z1, chorded, pieces_of
+from cuspline.stock.tilted import PosedPath, path_of_pieces, posed_forest, posed_path
+from cuspline.stock.tilted_pieces import upright_pieces
 from cuspline.values.arrays import for_kernel, frozen
 from cuspline.values.errors import SimulationError
 
@@ -28,6 +31,8 @@ CLOSED_UPWARD = ("ball", "bull_nose", "flat")     # types that a SweptPath knows
 LONGEST_RADII = 2.0       # pieces are at most this many cutter radii long: boxes stay tight
 
 FEW_INTERVALS = 4         # room for intervals of stock on a line; lines with more are asked again, all together
+BESIDE_MM = 1e-6          # so little above the flutes is rounding
+MET = -2                  # a piece that is still to be found
 _WORLDS = WeakKeyDictionary()       # first path -> the other paths, and what `kept_world` gives of all
 
 
@@ -55,6 +60,25 @@ class SweptPath:
         """It leaves no stock above where it cut."""
         return True
 
+    @property
+    def grown_mm(self):
+        """How much farther out the cutter's surface lies than the tool's own."""
+        return self.flat_radius_mm + self.corner_radius_mm - self.tool.cutter.radius_mm
+
+    @cached_property
+    def flutes_end_mm(self):
+        """(m,) height up to which the flutes reach wherever they are on a piece."""
+        low = np.minimum(self.geometry[:, Z0], self.geometry[:, Z1])
+        return low + 2 * self.grown_mm + self.tool.cutter.flute_length_mm
+
+    @cached_property
+    def ended(self):
+        """PosedPath of the same moves: what the flutes alone sweep."""
+        lines, of = chorded(self.geometry)
+        lines[:, (Z0, Z1)] += self.grown_mm
+        pieces = upright_pieces(lines[:, :Z1 + 1], self.row[of])
+        return path_of_pieces(pieces, self.tool, is_height_field=False).grown(self.grown_mm)
+
     def grown(self, by_mm):
         """The same path of a cutter whose surface lies `by_mm` farther out (negative: in).
 
@@ -69,8 +93,7 @@ class SweptPath:
         geometry, blocks = self.geometry.copy(), self.blocks.copy()
         geometry[:, (2, 5, 8)] -= by_mm
         blocks[:, (4, 7)] -= by_mm
-        return SweptPath(**{**self.__dict__, "flat_radius_mm": a, "corner_radius_mm": rc,
-                            "geometry": geometry, "blocks": blocks})
+        return replace(self, flat_radius_mm=a, corner_radius_mm=rc, geometry=geometry, blocks=blocks)
 
 
 def cutting_rows(posted):
@@ -202,10 +225,15 @@ def signed_distance_mm(paths, points_mm):
 
 def nearest_moves(paths, points_mm):
     """Signed distances (n,) and the row of PostedMoves (n,) each belongs to; -1: nothing moves."""
-    points, (rows, forest, world) = _rows3(points_mm, "points_mm"), kept_world(paths)
-    ask = lambda order: tree.distances(points[order], forest) if world is None else rays.distances(points[order], world)
-    d, piece = in_morton_order(points, ask)
-    return d, rows[piece]
+    d, piece = _nearest(paths, _rows3(points_mm, "points_mm"))
+    return d, kept_world(paths)[0][piece]
+
+
+def _nearest(paths, points):
+    """Signed distances (n,) and the pieces (n,) they belong to, in the order of `paths`, upright ones first; -1: none."""
+    _, forest, world = kept_world(paths)
+    return in_morton_order(points, lambda order: tree.distances(points[order], forest) if world is None else
+                           rays.distances(points[order], world))
 
 
 def stock_height_mm(paths, xy_mm, top_mm, inflate_mm=0.0, bottom_mm=-np.inf):
@@ -255,12 +283,59 @@ def deviation_mm(paths, stock_min, stock_max, points_mm, normals, limit_mm):
 
 def deviations_and_moves(paths, stock_min, stock_max, points_mm, normals, limit_mm):
     """Deviations (n,) as `deviation_mm`, and the row of PostedMoves (n,) nearest to each point."""
-    points, normals, (rows, forest, world) = _rows3(points_mm, "points_mm"), _rows3(normals, "normals"), kept_world(paths)
+    ask = _tracing(stock_min, stock_max, points_mm, normals, limit_mm)
+    points, normals, paths = np.asarray(points_mm, float), np.asarray(normals, float), tuple(paths)
+    asked = np.arange(len(points))
+    d, row, piece = ask(paths, asked)
+    while len(asked):
+        met = points[asked] + np.maximum(d[asked], 0.0)[:, None] * normals[asked]
+        maker, above = _above_flutes(paths, met, np.where(d[asked] > 0, MET, piece[asked]))
+        short = {paths[k] for k in np.unique(maker)}
+        paths = (*(p.ended for p in paths if p in short), *(p for p in paths if p not in short))
+        asked = asked[above]
+        d[asked], row[asked], piece[asked] = ask(paths, asked)
+    return d, row
+
+
+def deviations_of_columns(paths, stock_min, stock_max, points_mm, normals, limit_mm):
+    """The same where upright balls, bull noses and flat cutters took all above them, however short their flutes."""
+    return _tracing(stock_min, stock_max, points_mm, normals, limit_mm)(paths, slice(None))[:2]
+
+
+def _tracing(stock_min, stock_max, points_mm, normals, limit_mm):
+    """Function of paths and an index of points to deviations, rows of PostedMoves, and pieces in the paths' order, upright
+    ones first: (n,) each; -1: none."""
+    points, normals = _rows3(points_mm, "points_mm"), _rows3(normals, "normals")
     low, high = frozen(stock_min, (3,), "stock_min"), frozen(stock_max, (3,), "stock_max")
-    trace, cut = (tracing.deviations, forest) if world is None else (rays.deviations, world)
-    ask = lambda order: trace(points[order], normals[order], low, high, float(limit_mm), cut)
-    d, piece = in_morton_order(points, ask)
-    return d, rows[piece]
+
+    def traced(paths, some):
+        rows, forest, world = kept_world(paths)
+        trace, cut = (tracing.deviations, forest) if world is None else (rays.deviations, world)
+        of, along = points[some], normals[some]
+        d, piece = in_morton_order(of, lambda order: trace(of[order], along[order], low, high, float(limit_mm), cut))
+        return d, rows[piece], piece
+    return traced
+
+
+def _above_flutes(paths, places, piece):
+    """Places that upright moves made whose flutes end below them: number of the path (k,), and index (k,).
+
+    Args:
+        places: (n, 3) on the stock's surface, or in what is cut.   piece: (n,) that made them; MET: the one nearest to the place.
+    """
+    numbers = [k for k, p in enumerate(paths) if isinstance(p, SweptPath)]
+    lowest = min((paths[k].flutes_end_mm.min(initial=np.inf) for k in numbers), default=np.inf)
+    high = np.flatnonzero(places[:, 2] > lowest + BESIDE_MM)
+    if not len(high):
+        return high, high
+    ends = np.concatenate([paths[k].flutes_end_mm for k in numbers])
+    met = high[piece[high] == MET]
+    piece = piece.copy()
+    piece[met] = _nearest(paths, places[met])[1]
+    high = high[(piece[high] >= 0) & (piece[high] < len(ends))]
+    above = high[places[high, 2] > ends[piece[high]] + BESIDE_MM]
+    first = np.cumsum([len(paths[k].row) for k in numbers])
+    return np.array(numbers, int)[np.searchsorted(first, piece[above], side="right")], above
 
 
 def stock_intervals(paths, stock_min, stock_max, origins_mm, directions):

@@ -113,17 +113,24 @@ def posed_path(posted, rows, tool, turn_error_mm=TURN_ERROR_MM, longest_mm=np.in
         SimulationError: a cutter whose body is not convex; an axis that turns half round in a move; a bad arc.
     """
     profile = tool.cutter.profile
-    outline = outline_pieces(profile, f"T{tool.number} {tool.cutter.name}")
     radius, height = profile.largest_radius_mm, profile.height_mm
     longest = min(LONGEST_RADII * radius, longest_mm)
     pieces = posed_pieces(posted, rows, longest, float(fixed.hypot(radius, height)), turn_error_mm)
+    return path_of_pieces(pieces, tool, is_height_field=bool(posted.is_upright[rows].all()) and not profile.is_undercutting)
+
+
+def path_of_pieces(pieces, tool, is_height_field):
+    """PosedPath of PosedPieces of a tool."""
+    profile = tool.cutter.profile
+    outline = outline_pieces(profile, f"T{tool.number} {tool.cutter.name}")
+    radius, height = profile.largest_radius_mm, profile.height_mm
     lowest = outline[0, 4] if outline[0, 0] else outline[1, 4] if outline[1, 0] else 0.0
     g = pieces.geometry
     order = tree.halved_order(g[:, :3] + 0.5 * g[:, 3:6] + lowest * (g[:, 6:9] + 0.5 * g[:, 9:12]), tilted_tree.LEAF)
     nodes, leaves = tilted_tree.build_nodes(g[order], outline, lowest, max(height, lowest + HIGHEST_RADII * radius))
     return PosedPath(tool=tool, outline=outline, grown_mm=0.0, geometry=g[order],
                      row=pieces.row[order], step=order, nodes=nodes, leaves=leaves, error_mm=pieces.error_mm,
-                     is_height_field=bool(posted.is_upright[rows].all()) and not profile.is_undercutting)
+                     is_height_field=is_height_field)
 
 
 def posed_forest(paths):

@@ -75,6 +75,14 @@ def posed_pieces(posted, rows, longest_mm, reach_mm, turn_error_mm=TURN_ERROR_MM
     return PosedPieces(geometry=geometry, row=chords.row[whole], error_mm=float(chords.error_mm + uneven))
 
 
+def upright_pieces(lines, row):
+    """PosedPieces of straight moves (m, 6), both ends, of an upright tool; `row` (m,) of PostedMoves."""
+    geometry = np.zeros((len(lines), 14))
+    geometry[:, TIP:TIP + 3], geometry[:, WAY:WAY + 3], geometry[:, AXIS + 2] = lines[:, :3], lines[:, 3:6] - lines[:, :3], 1.0
+    geometry[:, LENGTH] = np.sqrt((geometry[:, WAY:WAY + 3] ** 2).sum(axis=1))
+    return PosedPieces(geometry=geometry, row=row, error_mm=0.0)
+
+
 def _turns_rad(posted, rows):
     """(n,) angle between both axes of each move; 0 on rows that are not asked for."""
     turn = np.zeros(len(posted))

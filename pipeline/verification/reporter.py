@@ -20,6 +20,8 @@ LOOKED_CLOSER = ("and it stayed when both looked twice as closely; do not cut, k
                  "cuspline")
 FOOT_ADVICE = ("a cutter of the program fits here, though no ball of the shop does: let its floor pass run up to the wall, and its "
                "wall pass down to the floor")
+FLUTES_ADVICE = ("it stands beside the cutter's neck, above flutes that end below it: take a cutter whose flutes are as long as "
+                 "the wall is high, or cut the wall from above in steps no deeper than the flutes")
 MISSED = 5.0              # an area is missing, not just rough, when it stands this many tolerances proud
 MISSED_MM2 = 1.0
 UNPROVEN_MM2 = 1.0          # of what a leaning tool leaves without a proof, from which it is told
@@ -43,10 +45,14 @@ def rounded(value, decimals=6):
 class Reporter:
     """Findings of both verifiers about one clamping."""
 
-    def __init__(self, program, finish, found, own, true_mm):
-        """`true_mm`: function (Residuals, rows) -> (amount, row, whether it may be more), see true_depths."""
+    def __init__(self, program, finish, found, own, true_mm, columns):
+        """Args:
+            true_mm: function (Residuals, rows) -> (amount, row, whether it may be more), see true_depths.
+            columns: Residuals as `found`, had all cutters' flutes been long enough.
+        """
         self.posted, self.setup, self.frame = program.posted, program.setup.name, program.setup.frame
         self.finish, self.found, self.own, self.true_mm = finish, found, own, true_mm
+        self.above_flutes = found.deviation_mm > columns.deviation_mm + NOISE_MM
 
     def _finding(self, kind, found, sample, amount, advice, is_at_least=False):
         row = int(found.row[sample])
@@ -106,9 +112,9 @@ class Reporter:
             (amount, worst, more), area = self.true_mm(self.found, group), self.found.area_mm2(group)
             missed = np.median(d[group]) > MISSED * allowed and area >= MISSED_MM2
             left = f"{_at_least(more)}{length(amount)} left {over_area(area)}"
-            at_foot = bool((self.found.reach[group] == AT_FOOT).all())
-            advice = (f"never finished, {left}: {FOOT_ADVICE if at_foot else MISSING_ADVICE}" if missed else
-                      f"{left}, {allowed:.4f} mm are allowed: {FOOT_ADVICE if at_foot else EXCESS_ADVICE}")
+            advice = (FOOT_ADVICE if (self.found.reach[group] == AT_FOOT).all() else
+                      FLUTES_ADVICE if np.median(self.above_flutes[group]) else MISSING_ADVICE if missed else EXCESS_ADVICE)
+            advice = f"never finished, {left}: {advice}" if missed else f"{left}, {allowed:.4f} mm are allowed: {advice}"
             yield self._finding("missing_area" if missed else "excess", self.found, worst, amount, advice, more)
 
     def unseen_excess(self, proof, cut):

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cuspline.stock.swept import deviations_and_moves, is_height_field, signed_distance_mm, upright_paths
+from cuspline.stock.swept import deviations_and_moves, deviations_of_columns, is_height_field, signed_distance_mm, upright_paths
 from cuspline.values import fixed_math as fixed
 from cuspline.values.arrays import frozen
 from cuspline.values.checkpoints import NOTHING
@@ -146,6 +146,19 @@ def residuals(piece, sampled, closest, ball_radius_mm, allowed_mm, kept=NOTHING)
                         is_top=climbed, reach=np.full(len(every), REACHABLE), spacing_mm=sampled[k].spacing_mm)
         found.append((after_all, own))
     return found
+
+
+def as_columns(found, piece, above_mm):
+    """The same Residuals as if all cutters' flutes were long enough: what stands higher than `above_mm` is asked again.
+
+    So the second verifier takes it, whose heights hold no stock that hangs over a place that was cut.
+    """
+    rows, deviation = np.flatnonzero(found.deviation_mm > above_mm), found.deviation_mm.copy()
+    if len(rows):
+        asked = found.samples.points_mm[rows], found.samples.normals[rows], LIMIT_MM
+        each, _ = piece.deviations_of_cuts(*asked, deviations_of_columns)
+        deviation[rows] = np.minimum(deviation[rows], piece.deviations(*asked, each)[0])
+    return replace(found, deviation_mm=deviation)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

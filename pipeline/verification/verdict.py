@@ -39,6 +39,7 @@ from cuspline.verification.residuals import (
     Beside,
     Residuals,
     SampledFaces,
+    as_columns,
     default_spacing_mm,
     residuals,
     unreachable_places,
@@ -476,7 +477,8 @@ def _judged(part, c, found, own, judging, joined, proof):
     say(f"{c.name}: cusps beside {len(c.samples):,} samples")
     cusps = _cusps(part, c, found)
     say(f"{c.name}: solids on a grid of {c.options.solid_pitch_mm:.3f} mm" + (", third view" if c.options.mesh_checks else ""))
-    view = compare(part.made, c.number, part, c.drops, c.required, (found, own), Limits(
+    columns = as_columns(found, part.piece, allowed_mm(finish))
+    view = compare(part.made, c.number, part, c.drops, c.required, (columns, own), Limits(
         excess_mm=allowed_mm(finish), gouge_mm=finish.gouge_mm, path_error_mm=part.path_error_mm,
         surface_error_mm=part.mesh.deviation_mm, ball_radius_mm=part.ball_radius_mm))
     bounds = {"path_mm": part.path_error_mm, "tracing_mm": TRACING_MM, "post_rounding_mm": c.options.post_rounding_mm,
@@ -487,7 +489,7 @@ def _judged(part, c, found, own, judging, joined, proof):
               **({"increments_mm": steps_mm} if (steps_mm := increments_mm(machine)) else {})}
     bounds = {name: rounded(v, 9) if np.isfinite(v) else None for name, v in bounds.items()}
     true_mm = _once(partial(_true_mm, part, c, found))
-    report = Reporter(c.program, finish, found, own, true_mm)
+    report = Reporter(c.program, finish, found, own, true_mm, columns)
     checks, doubts = _mesh_checks(part, c, found, bounds) if c.options.mesh_checks else ({}, ())
     findings = (*history.findings, *_idle(part, c, own, history, tools), *process.findings, *report.gouges(),
                 *report.unseen_gouges(proven), *report.excess(),
@@ -512,7 +514,7 @@ def _drafted(part, c, found, own, judging):
     judging.say(f"{c.name}: replay of {len(c.program.posted):,} moves on a grid of {c.options.replay_pitch_mm:.3f} mm")
     history = _replayed(part, c, judging, _found_stock(part, c, judging.tools))
     true_mm = _once(partial(_true_mm, part, c, found))
-    report = Reporter(c.program, part.finish, found, own, true_mm)
+    report = Reporter(c.program, part.finish, found, own, true_mm, as_columns(found, part.piece, allowed_mm(part.finish)))
     return SetupDraft(setup=c.name, numbers=_tidy(_on_faces(found, part.finish, true_mm)),
                       findings=(*history.findings, *_idle(part, c, own, history, judging.tools), *report.gouges(),
                                 *report.excess()))
