@@ -9,7 +9,7 @@ from cuspline.values.amounts import counted, length, over_area
 from cuspline.values.clusters import clusters_of
 from cuspline.values.findings import Finding
 from cuspline.verification.certificate import gouges_beyond
-from cuspline.verification.reach import AT_FOOT
+from cuspline.verification.reach import AT_FOOT, DOWNWARD
 
 NOISE_MM = 1e-6           # a tolerance is exceeded only by more than this
 EXCESS_ADVICE = ("lower `scallop_mm` of the setup's operation for closer passes, or add a smaller cutter to the file of "
@@ -22,6 +22,9 @@ FOOT_ADVICE = ("a cutter of the program fits here, though no ball of the shop do
                "wall pass down to the floor")
 FLUTES_ADVICE = ("it stands beside the cutter's neck, above flutes that end below it: take a cutter whose flutes are as long as "
                  "the wall is high, or cut the wall from above in steps no deeper than the flutes")
+NARROW_ADVICE = ("no cutter of the shop is narrow enough to come there; add one to the file of --cutters: a ball, between upright "
+                 "walls a flat one")
+DOWNWARD_ADVICE = "it faces away from the tool; give it to a setup that looks at it"
 MISSED = 5.0              # an area is missing, not just rough, when it stands this many tolerances proud
 MISSED_MM2 = 1.0
 UNPROVEN_MM2 = 1.0          # of what a leaning tool leaves without a proof, from which it is told
@@ -116,6 +119,15 @@ class Reporter:
                       FLUTES_ADVICE if np.median(self.above_flutes[group]) else MISSING_ADVICE if missed else EXCESS_ADVICE)
             advice = f"never finished, {left}: {advice}" if missed else f"{left}, {allowed:.4f} mm are allowed: {advice}"
             yield self._finding("missing_area" if missed else "excess", self.found, worst, amount, advice, more)
+
+    def not_cut(self, groups):
+        """One finding a connected group (see faces_not_cut) of faces of which nothing is cut."""
+        for group in groups:
+            worst = group[self.found.deviation_mm[group].argmax()]
+            why = DOWNWARD_ADVICE if np.median(self.found.reach[group] == DOWNWARD) else NARROW_ADVICE
+            yield self._finding("face_not_cut", self.found, worst, self.found.deviation_mm[worst],
+                                f"nothing is cut {over_area(self.found.area_mm2(group))} that the setup names: {why}, or take the "
+                                "face out of the setup's `faces` if it is made elsewhere", True)
 
     def unseen_excess(self, proof, cut):
         """One finding a connected group of places that only the proof has found to stand too high."""

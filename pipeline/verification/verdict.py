@@ -30,6 +30,7 @@ from cuspline.verification.certificate import Certificate, certify, solid_in_wcs
 from cuspline.verification.climbing import Ground
 from cuspline.verification.cusps import Cusps, SampledStock, measured_cusps
 from cuspline.verification.excess_proof import ExcessProof, is_bare, prove_excess
+from cuspline.verification.faces_not_cut import faces_not_cut
 from cuspline.verification.in_process import PART
 from cuspline.verification.process_findings import process_of
 from cuspline.verification.reach import REACHABLE, drop_mesh, upper
@@ -492,7 +493,7 @@ def _judged(part, c, found, own, judging, joined, proof):
     report = Reporter(c.program, finish, found, own, true_mm, columns)
     checks, doubts = _mesh_checks(part, c, found, bounds) if c.options.mesh_checks else ({}, ())
     findings = (*history.findings, *_idle(part, c, own, history, tools), *process.findings, *report.gouges(),
-                *report.unseen_gouges(proven), *report.excess(),
+                *report.unseen_gouges(proven), *report.excess(), *report.not_cut(_not_cut(part, c, found)),
                 *report.unseen_excess(proof, part.piece.cuts[c.number]), *report.unproven(proven, proof),
                 *report.disagreements(view, c.options.solid_pitch_mm, bounds), *doubts)
     radius_of = lambda row: tools[int(c.program.posted.tool[row])].cutter.radius_mm
@@ -517,7 +518,12 @@ def _drafted(part, c, found, own, judging):
     report = Reporter(c.program, part.finish, found, own, true_mm, as_columns(found, part.piece, allowed_mm(part.finish)))
     return SetupDraft(setup=c.name, numbers=_tidy(_on_faces(found, part.finish, true_mm)),
                       findings=(*history.findings, *_idle(part, c, own, history, judging.tools), *report.gouges(),
-                                *report.excess()))
+                                *report.excess(), *report.not_cut(_not_cut(part, c, found))))
+
+
+def _not_cut(part, c, found):
+    faces = _looked_at(part.solid).faces
+    return faces_not_cut(found, [faces[i] for i in c.required], part.ball_radius_mm, part.finish)
 
 
 def _idle(part, c, own, history, tools):

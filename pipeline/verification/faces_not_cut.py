@@ -1,0 +1,31 @@
+"""Faces that a setup names and of which nothing is cut: no cutter of the shop gets there, and the stock stands as it was."""
+
+import numpy as np
+
+from cuspline.verification.reporter import MISSED, MISSED_MM2, allowed_mm
+from cuspline.verification.residuals import LIMIT_MM
+
+STANDS = 0.95             # of a face's area: along its rims it may touch what was cut beside it
+
+
+def faces_not_cut(found, faces, ball_radius_mm, finish):
+    """Connected samples of such faces: [(k,) index into the samples], part coordinates.
+
+    A fillet or an inner corner that comes out rounder than drawn is none: there a cutter went along both faces beside
+    it, and what it leaves is less than its radius.
+
+    Args:
+        found: residuals.Residuals of the faces after all setups.   faces: brep.Face values that its samples speak of.
+        ball_radius_mm: smallest ball of the shop.   finish: design.Finish.
+    """
+    samples, d = found.samples, found.deviation_mm
+    missed = np.zeros(len(samples), bool)
+    for k, face in enumerate(faces):
+        rows = np.flatnonzero((samples.face == k) & ~found.is_top)
+        area = samples.weight_mm2[rows]
+        if area.sum() < MISSED_MM2 or found.is_reachable[rows].any():
+            continue
+        is_round = -face.middle.curvature_low_per_mm[0] * ball_radius_mm >= 1.0
+        stands = min(ball_radius_mm, LIMIT_MM) if is_round else MISSED * allowed_mm(finish)
+        missed[rows] = area[d[rows] >= stands].sum() >= STANDS * area.sum()
+    return found.groups(missed)

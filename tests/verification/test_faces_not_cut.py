@@ -1,0 +1,61 @@
+"""A face that the setup names and that no cutter comes near is a finding; what only comes out rounder than drawn is none."""
+
+import cadquery as cq
+import numpy as np
+import pytest
+from known_programs import program, rapid, raster, tool
+
+from cuspline.design import Finish, Setup, StockBox
+from cuspline.kernel import brep
+from cuspline.verification.verdict import Options, verify_setup
+
+FINISH = Finish(scallop_mm=0.010, profile_tolerance_mm=0.002, gouge_mm=0.003)
+COARSE = Options(spacing_mm=0.6, solid_pitch_mm=0.2, replay_pitch_mm=0.5, tessellation_mm=0.002)
+R, BALL_MM = 5.0, 3.0
+BLOCK = cq.Workplane().box(20, 16, 10, centered=False)
+
+
+def slot(width, depth):
+    return BLOCK.cut(cq.Workplane("XY", origin=(-1, 8 - width / 2, 10 - depth)).box(22, width, depth, centered=False))
+
+
+def verdict(part, faces, below_mm=0.0):
+    """A raster by a ball over z = 10; `faces`: predicate of a normal and a middle."""
+    solid = brep.the_solid(part)
+    chosen = [f for f in brep.faces_of(solid) if faces(f.middle.normal[0], f.middle.point_mm[0])]
+    posted = program((-6, -0.3, 40), [rapid(-6, -0.3, 14), *raster((-6, 26), np.arange(-0.3, 16.7, 0.6), 10.0), rapid(26, 16, 14)])
+    return verify_setup(posted, {1: tool("ball", 2 * R)}, solid, chosen, finish=FINISH, ball_radius_mm=BALL_MM, options=COARSE,
+                        setup=Setup(name="setup-1", wcs_in_words="corner", faces=("top",)),
+                        stock=StockBox(min_mm=(0, 0, -below_mm), max_mm=(20, 16, 12)))
+
+
+def inside(n, p):
+    """The top and what lies below it, without the block's own sides."""
+    return n[2] > -0.5 and 0.01 < p[0] < 19.99 and 0.01 < p[1] < 15.99
+
+
+@pytest.mark.parametrize("width, depth", [(4.0, 3.0), (2.0, 0.8)])
+def test_a_slot_narrower_than_every_cutter_is_told_with_its_area(width, depth):
+    told, = verdict(slot(width, depth), inside).findings
+    assert told.kind == "face_not_cut" and told.is_at_least
+    assert f"over {20 * (width + 2 * depth):.0f} mm²" in told.advice and "narrow enough" in told.advice
+    assert abs(told.place_mm[1] - 8) < width / 2 + 1e-6 and told.place_mm[2] > 10 - depth - 1e-6
+
+
+def test_a_hole_that_nothing_drills_is_told():
+    told, = verdict(BLOCK.cut(cq.Workplane("XY").circle(1.5).extrude(10).translate((10, 8, 0))), inside).findings
+    assert told.kind == "face_not_cut" and told.amount_mm >= 2.0
+
+
+def test_a_named_face_that_looks_away_is_told_where_stock_stands_on_it():
+    below = lambda n, p: abs(n[2]) > 0.5
+    told, = verdict(BLOCK, below, below_mm=1.0).findings
+    assert told.kind == "face_not_cut" and told.amount_mm == pytest.approx(1.0) and "faces away from the tool" in told.advice
+    assert verdict(BLOCK, below).findings == ()
+
+
+def test_a_hollow_that_comes_out_rounder_than_drawn_is_listed_and_no_finding():
+    """A groove of R2 in the top, 0.3 mm deep, and balls of 3 mm at the least: what stays is less than the radius."""
+    groove = BLOCK.cut(cq.Workplane("YZ", origin=(-1, 8, 11.7)).circle(2.0).extrude(22))
+    found = verdict(groove, inside)
+    assert found.findings == () and sum(row["area_mm2"] for row in found.as_dict()["unreachable"]) > 20
