@@ -6,7 +6,7 @@ from pathlib import Path
 
 import cuspline
 from cuspline.design import Design, Finish, Setup
-from cuspline.design.operations import REGISTERED
+from cuspline.design.operations import registered
 from cuspline.planning.strategies.auto import Auto
 from cuspline.shop.cutters import Cutter, Holder, Tool
 from cuspline.shop.machines import Machine
@@ -33,7 +33,7 @@ def _names(model):
 
 
 def test_what_is_to_be_changed_can_be_set():
-    settable = {n for m in (Design, Finish, Setup, Auto, *REGISTERED.values(), Cutter, Holder, Tool, Machine, Practice)
+    settable = {n for m in (Design, Finish, Setup, Auto, *registered().values(), Cutter, Holder, Tool, Machine, Practice)
                 for n in _names(m)} | {"min_mm", "max_mm"}                  # of a stock and of an axis
     advised = {(name, path.name) for path in sorted(CODE.glob("**/*.py")) for text in _strings(path)
                for name in ADVISED.findall(text)}

@@ -189,7 +189,6 @@ class _NoParameters(Parameters):
 
 
 def _from_job(path):
-    importlib.import_module("cuspline.planning.strategies")       # registers the operations
     job = checked(JobFile, toml_of(path, "job file"), f"job file {path}")
 
     def make(parameters):

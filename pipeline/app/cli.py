@@ -11,7 +11,6 @@ import sys
 import traceback
 from dataclasses import asdict
 from functools import cache, partial
-from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Optional
 
@@ -458,10 +457,9 @@ def _parameter_row(name, field):
 @app.command()
 def strategies(json: AsJson = False):
     """List the strategies.  What operations of a setup can do, with their parameters."""
-    import_module("cuspline.planning.strategies")
-    from cuspline.design.operations import REGISTERED
+    from cuspline.design.operations import registered
     rows = []
-    for kind, strategy in sorted(REGISTERED.items()):
+    for kind, strategy in sorted(registered().items()):
         fields = strategy.model_json_schema()["properties"]
         rows.append({"kind": kind, "description": " ".join((strategy.__doc__ or "").partition("\n\n")[0].split()),
                      "class": f"{strategy.__module__}.{strategy.__name__}", "picture": strategy.picture.strip("\n"),

@@ -234,10 +234,9 @@ def schema_of(name):
 
 def _with_strategies(schema):
     """A schema whose operations are one of the strategies each, by its `kind`, and their tool axes one of those."""
-    import_module("cuspline.planning.strategies")       # registers them
-    from cuspline.design.operations import REGISTERED
+    from cuspline.design.operations import registered
     from cuspline.toolpaths.five_axis.tool_axes import REGISTERED as AXES
-    return _one_of(_one_of(schema, "Operation", REGISTERED), "ToolAxis", AXES)
+    return _one_of(_one_of(schema, "Operation", registered()), "ToolAxis", AXES)
 
 
 def _one_of(schema, name, registered):

@@ -17,7 +17,7 @@ from cuspline.design.design import (
 )
 from cuspline.design.dimensions import ChamferWidth, Diameter, Distance, Position
 from cuspline.design.fixtures import FixtureBox, FixtureCylinder, FixtureSolid
-from cuspline.design.operations import REGISTERED
+from cuspline.design.operations import registered
 from cuspline.design.stock import StockAllowance, StockBox, StockCylinder, StockMesh, StockSkin, StockSolid
 from cuspline.shop.threads import Thread
 
@@ -28,12 +28,10 @@ __all__ = ["ChamferWidth", "Companion", "DEFAULT_MACHINE", "Design", "Diameter",
 
 
 def __getattr__(name):
-    """Operations and tool axes by their names, `from cuspline.design import Contour`: they stand floors above, and are looked up
-    as somebody wants them."""
+    """Operations and tool axes by their names: `from cuspline.design import Contour`."""
     if name[:1].isupper():
-        import_module("cuspline.planning.strategies")
         axes = import_module("cuspline.toolpaths.five_axis.tool_axes")
-        known = {made.__name__: made for made in (*REGISTERED.values(), *axes.ToolAxis.__subclasses__())}
+        known = {made.__name__: made for made in (*registered().values(), *axes.ToolAxis.__subclasses__())}
         if name in known:
             return known[name]
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

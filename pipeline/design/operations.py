@@ -5,6 +5,7 @@ a value is silent the design's speaks, then the shop's, then the material's.
 """
 
 import re
+from importlib import import_module
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field, SerializeAsAny, field_validator, model_serializer
@@ -20,7 +21,13 @@ TYPES = {"ball": "ball", "flat": "flat", "bull": "bull_nose", "bull nose": "bull
 WISH = re.compile(r"(?P<type>[a-z_ ]+?)\s*(?:(?P<rule><=|>=|<|>)?\s*(?P<diameter>\d+(?:\.\d+)?))?"
                   r"(?:\s+r\s*(?P<corner>\d+(?:\.\d+)?))?")
 SAME_MM = 1e-6              # measures that are the same
-REGISTERED = {}             # kind -> class
+_REGISTERED = {}            # kind -> class, of what is imported
+
+
+def registered():
+    """{kind: class} of all strategies: they stand floors above, and are looked up as somebody wants them."""
+    import_module("cuspline.planning.every_strategy")
+    return _REGISTERED
 
 
 def understood(*fields):
@@ -69,7 +76,7 @@ class Operation(Model):
     def __pydantic_init_subclass__(cls, **kwargs):
         super().__pydantic_init_subclass__(**kwargs)
         if "kind" in cls.__dict__:
-            REGISTERED[cls.kind] = cls
+            _REGISTERED[cls.kind] = cls
 
     _tool_is_understood = understood("tool")
 
@@ -201,7 +208,7 @@ def operation_of(value):
     Raises:
         ValueError: there is no such kind, or something in it is wrong.
     """
-    return by_kind(value, REGISTERED, "operation")
+    return by_kind(value, registered(), "operation")
 
 
 AnyOperation = Annotated[SerializeAsAny[Operation], BeforeValidator(operation_of)]

@@ -54,8 +54,7 @@ class Reporter:
             columns: Residuals as `found`, had all cutters' flutes been long enough.
         """
         self.posted, self.setup, self.frame = program.posted, program.setup.name, program.setup.frame
-        self.finish, self.found, self.own, self.true_mm = finish, found, own, true_mm
-        self.above_flutes = found.deviation_mm > columns.deviation_mm + NOISE_MM
+        self.finish, self.found, self.own, self.true_mm, self.columns = finish, found, own, true_mm, columns
 
     def _finding(self, kind, found, sample, amount, advice, is_at_least=False):
         row = int(found.row[sample])
@@ -111,12 +110,13 @@ class Reporter:
     def excess(self):
         """One finding a connected area that a ball, or at walls a cutter of the program, could finish and that was left proud."""
         d, allowed = self.found.deviation_mm, allowed_mm(self.finish)
+        above_flutes = d > self.columns.deviation_mm + NOISE_MM
         for group in self.found.groups(self.found.is_reachable & (d > allowed + NOISE_MM)):
             (amount, worst, more), area = self.true_mm(self.found, group), self.found.area_mm2(group)
             missed = np.median(d[group]) > MISSED * allowed and area >= MISSED_MM2
             left = f"{_at_least(more)}{length(amount)} left {over_area(area)}"
             advice = (FOOT_ADVICE if (self.found.reach[group] == AT_FOOT).all() else
-                      FLUTES_ADVICE if np.median(self.above_flutes[group]) else MISSING_ADVICE if missed else EXCESS_ADVICE)
+                      FLUTES_ADVICE if np.median(above_flutes[group]) else MISSING_ADVICE if missed else EXCESS_ADVICE)
             advice = f"never finished, {left}: {advice}" if missed else f"{left}, {allowed:.4f} mm are allowed: {advice}"
             yield self._finding("missing_area" if missed else "excess", self.found, worst, amount, advice, more)
 

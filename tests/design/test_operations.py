@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from cuspline.app.catalogue import find_design, find_library, find_machine, find_shop
 from cuspline.design import Finish, Setup
-from cuspline.design.operations import REGISTERED, ToolWish
+from cuspline.design.operations import ToolWish, registered
 from cuspline.kernel import brep
 from cuspline.planning.context import PlanningContext
 from cuspline.planning.strategies.auto import Auto
@@ -25,10 +25,10 @@ EXPLICIT = {"auto", "boundary", "constant_scallop", "facing", "floor", "parallel
 
 
 def test_every_strategy_is_found_by_standing_in_its_folder_and_has_a_picture():
-    assert EXPLICIT <= set(REGISTERED)
+    assert EXPLICIT <= set(registered())
     for kind in EXPLICIT:
-        assert REGISTERED[kind].picture.strip() and REGISTERED[kind].__doc__
-        for name, field in REGISTERED[kind].model_fields.items():
+        assert registered()[kind].picture.strip() and registered()[kind].__doc__
+        for name, field in registered()[kind].model_fields.items():
             assert field.description or name == "section_plane", f"{kind}.{name}"
 
 

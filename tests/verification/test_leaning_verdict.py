@@ -142,7 +142,7 @@ def test_what_nothing_proves_of_a_leaning_tool_is_a_finding():
     """Its moves, its leavings; an upright move that nothing proves is told in verify.json alone."""
     posted = dome.read(dome.trunnion(), good_text())
     program = SimpleNamespace(posted=posted, setup=dome.SETUP)
-    report = Reporter(program, dome.FINISH, None, None, None)
+    report = Reporter(program, dome.FINISH, None, None, None, None)
     leans = np.flatnonzero(~posted.is_upright & (posted.kind != Kind.RAPID))
     upright = np.flatnonzero(posted.is_upright & (posted.kind != Kind.RAPID))
     certificate = SimpleNamespace(uncovered=((int(upright[0]), "T3"), (int(leans[5]), "T7"), (int(leans[9]), "T7")))

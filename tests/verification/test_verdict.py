@@ -294,11 +294,11 @@ def test_a_blind_verifier_is_a_finding():
     blind = dataclasses.replace(v.residuals, deviation_mm=np.zeros(len(v.residuals.samples)))
     setup = Setup(name="setup-1", wcs_in_words="corner", faces=("top",))
     cut = SetupProgram(posted=program((-6, -0.3, 40), passes(9.98)), setup=setup, faces=())
-    report = Reporter(cut, FINISH, blind, blind, None)
+    report = Reporter(cut, FINISH, blind, blind, None, blind)
     found = list(report.disagreements(v.solids, 0.2, v.error_bounds_mm))
     assert {f.kind for f in found} == {"verifiers_disagree"}
     quiet = dataclasses.replace(v.solids, bodies=(), volumes=dataclasses.replace(v.solids.volumes, gouge_mm3=(0.0, 0.0)))
-    report = Reporter(cut, FINISH, v.residuals, v.residuals, None)
+    report = Reporter(cut, FINISH, v.residuals, v.residuals, None, v.residuals)
     assert [f.kind for f in report.disagreements(quiet, 0.2, v.error_bounds_mm)] == ["verifiers_disagree"]
 
 
