@@ -5,7 +5,7 @@ import numpy as np
 from cuspline.verification.reporter import MISSED, MISSED_MM2, allowed_mm
 from cuspline.verification.residuals import LIMIT_MM
 
-STANDS = 0.95             # of a face's area: along its rims it may touch what was cut beside it
+ROUND, OTHER = 0.95, 0.5    # of a face's area: fillets and hollows, and others, which a cutter beside them may run into
 
 
 def faces_not_cut(found, faces, ball_radius_mm, finish):
@@ -26,6 +26,6 @@ def faces_not_cut(found, faces, ball_radius_mm, finish):
         if area.sum() < MISSED_MM2 or found.is_reachable[rows].any():
             continue
         is_round = -face.middle.curvature_low_per_mm[0] * ball_radius_mm >= 1.0
-        stands = min(ball_radius_mm, LIMIT_MM) if is_round else MISSED * allowed_mm(finish)
-        missed[rows] = area[d[rows] >= stands].sum() >= STANDS * area.sum()
+        stands, share = (min(ball_radius_mm, LIMIT_MM), ROUND) if is_round else (MISSED * allowed_mm(finish), OTHER)
+        missed[rows] = area[d[rows] >= stands].sum() >= share * area.sum()
     return found.groups(missed)

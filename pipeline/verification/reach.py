@@ -8,6 +8,7 @@ from cuspline.toolpaths.drop.dropcutter import DropMesh, is_held_above
 
 TOLERANCE_MM = 0.005      # a ball smaller by this must fit: curvature equal to the ball's is reachable
 DRILLED_MM = 2e-3         # so far from a drill's surface a point is one that it makes
+LEDGE = 0.5               # of a normal along the axis: no wall of a hole has so much
 LEVEL = -1e-6             # normals below this point downward
 REACHABLE, DOWNWARD, TOO_NARROW, AT_FOOT = 0, 1, 2, 3
 REASONS = ("reachable", "faces downward", "too narrow for the smallest ball", "reachable by a cutter of the program alone")
@@ -54,11 +55,11 @@ def why_unreachable(mesh, points_mm, normals, ball_radius_mm):
     return np.where(normals[:, 2] < LEVEL, DOWNWARD, np.where(held, TOO_NARROW, REACHABLE))
 
 
-def is_drilled(points_mm, holes, drills):
+def is_drilled(points_mm, normals, holes, drills):
     """(n,) bool: points that a drill touches as deep down in a hole as its point leaves the part whole.
 
     Args:
-        points_mm: (n, 3) in the setup's WCS.   holes: surfaces.holes.Hole values of the part there.
+        points_mm, normals: (n, 3) in the setup's WCS.   holes: surfaces.holes.Hole values of the part there.
         drills: shop.cutters.Cutter values that the program takes.
     """
     found = np.zeros(len(points_mm), bool)
@@ -69,17 +70,18 @@ def is_drilled(points_mm, holes, drills):
             for wall in (w for w in up.walls if w.kind == "cylinder"):
                 for drill in drills:
                     if abs(drill.radius_mm - wall.low_radius_mm) < DRILLED_MM:
-                        found |= _touches(points_mm - up.point_mm, up, wall, drill)
+                        found |= _touches(points_mm - up.point_mm, normals, up, wall, drill)
     return found
 
 
-def _touches(places, hole, wall, drill):
-    """(n,) bool: places (n, 3) from a hole's point on the surface of a drill in it."""
+def _touches(places, normals, hole, wall, drill):
+    """(n,) bool: places (n, 3) from a hole's point on the surface of a drill in it; a ledge round its side is none of it."""
     slope = drill.point_height_mm / drill.radius_mm
     tip = max(wall.low_mm - drill.point_height_mm, hole.lowest_tip_mm(wall, drill.radius_mm, slope))
     away = np.sqrt((places[:, :2] ** 2).sum(axis=1))
     high = places[:, 2] - tip
     aside = -DRILLED_MM if drill.has_flat_bottom else DRILLED_MM        # the rim of a ledge may be beside it: rounded words
     side = (np.abs(away - drill.radius_mm) < DRILLED_MM) & (high > drill.point_height_mm - aside)
+    side &= np.abs(normals[:, 2]) < LEDGE
     point = (away < drill.radius_mm + aside) & (np.abs(high - slope * away) < DRILLED_MM * (1.0 + slope))
     return (side | point) & (places[:, 2] < wall.high_mm + DRILLED_MM)

@@ -12,18 +12,18 @@ from cuspline.verification.certificate import gouges_beyond
 from cuspline.verification.reach import AT_FOOT, DOWNWARD
 
 NOISE_MM = 1e-6           # a tolerance is exceeded only by more than this
+SMALLER = "a ball, between upright walls a flat one narrower than they are apart (`--cutters small_mills` has some down to 3 mm)"
 EXCESS_ADVICE = ("lower `scallop_mm` of the setup's operation for closer passes, or add a smaller cutter to the file of "
-                 "--cutters: a ball, between upright walls a flat one narrower than they are apart")
+                 f"--cutters: {SMALLER}")
 MISSING_ADVICE = ("give its face to an operation of the setup (`faces`), or add a cutter to the file of --cutters that "
-                  "is smaller, or sticks out farther: a ball, between upright walls a flat one")
+                  f"is smaller, or sticks out farther: {SMALLER}")
 LOOKED_CLOSER = ("and it stayed when both looked twice as closely; do not cut, keep the folder and report this as a fault of "
                  "cuspline")
 FOOT_ADVICE = ("a cutter of the program fits here, though no ball of the shop does: let its floor pass run up to the wall, and its "
                "wall pass down to the floor")
 FLUTES_ADVICE = ("it stands beside the cutter's neck, above flutes that end below it: take a cutter whose flutes are as long as "
                  "the wall is high, or cut the wall from above in steps no deeper than the flutes")
-NARROW_ADVICE = ("no cutter of the shop is narrow enough to come there; add one to the file of --cutters: a ball, between upright "
-                 "walls a flat one")
+NARROW_ADVICE = f"no cutter of the shop is narrow enough to come there; add one to the file of --cutters: {SMALLER}"
 DOWNWARD_ADVICE = "it faces away from the tool; give it to a setup that looks at it"
 MISSED = 5.0              # an area is missing, not just rough, when it stands this many tolerances proud
 MISSED_MM2 = 1.0

@@ -207,7 +207,7 @@ def reach_of(points_mm, normals, cut, sampled, closest, ball_radius_mm):
     drills = [p.tool.cutter for p in cut.paths if p.tool.cutter.drills]
     if not drills or not sampled.holes:
         return reach
-    return np.where(is_drilled(places, sampled.holes, drills), REACHABLE, reach)
+    return np.where(is_drilled(places, cut.frame.turn_into(normals), sampled.holes, drills), REACHABLE, reach)
 
 
 def _under_necks(points_mm, normals, places, paths, closest, reach):

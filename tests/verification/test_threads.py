@@ -205,4 +205,17 @@ def test_a_flat_drill_is_held_to_the_rim_of_its_ledge_by_neither_side():
     flat = next(t.cutter for t in SHOP.tools if t.cutter.diameter_mm == 11 and t.cutter.has_flat_bottom)
     from_axis = np.array([(5.4995, 0.0), (5.5005, 0.0), (5.5, 0.0005), (4.5, 0.0), (5.5, 1.0)])
     places = np.column_stack([15 + from_axis[:, 0], np.full(5, 10.0), 7.6 + from_axis[:, 1]])
-    assert is_drilled(places, holes, [flat]).tolist() == [False, False, False, True, True]
+    up, inward = np.tile((0.0, 0.0, 1.0), (5, 1)), np.tile((-1.0, 0.0, 0.0), (5, 1))
+    assert is_drilled(places, up, holes, [flat]).tolist() == [False, False, False, True, False]
+    assert is_drilled(places, inward, holes, [flat]).tolist() == [False, False, False, True, True]
+
+
+def test_a_drill_makes_the_wall_of_its_hole_and_no_ledge_round_it():
+    """A counterbore that no flat drill of the shop fits: the point of its ledge at the rim of the hole is none of the drill's."""
+    import cadquery as cq
+    block = cq.Workplane("XY").box(30, 20, 14, centered=False).faces(">Z").workplane(origin=(15, 10, 0)).cboreHole(6.6, 11, 6.4)
+    holes = holes_of(brep.faces_of(brep.the_solid(block.val())))
+    drill = next(t.cutter for t in SHOP.tools if t.cutter.diameter_mm == 6.6)
+    at_the_rim = np.array([(18.3, 10.0, 7.6), (18.3, 10.0, 7.6), (18.3, 10.0, 4.0)])
+    normals = np.array([(0.0, 0.0, 1.0), (-1.0, 0.0, 0.0), (-1.0, 0.0, 0.0)])
+    assert is_drilled(at_the_rim, normals, holes, [drill]).tolist() == [False, True, True]
