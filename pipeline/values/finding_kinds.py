@@ -38,11 +38,12 @@ KINDS = {
             "as high as is allowed.",
             "Add the face to a setup, or the operation that finishes it."),
         "face_not_cut": (
-            "a face that a setup names, and of which nothing is cut, since no cutter of the shop gets there",
-            "A ring groove of 3 mm between upright walls, and no cutter narrower than 3 mm; a face that looks away from the tool.",
+            "a face that a setup names, and most of which is not cut, since no cutter of the shop gets there",
+            "A ring groove of 3 mm between upright walls, and no cutter narrower than 3 mm; a counterbore of 6 mm, and no flat "
+            "cutter as small; a face that looks away from the tool.",
             "Add a cutter that is narrow enough to the file of `--cutters`, give the face to a setup that looks at it, or, if it "
-            "is made elsewhere, take it out of the setup's `faces`. A part of a face, or an inner corner that stays rounder "
-            "than drawn, is no finding: report and verify.json list both under what is not reached."),
+            "is made elsewhere, take it out of the setup's `faces`. Less than half of a face, or an inner corner that stays "
+            "rounder than drawn, is no finding: report and verify.json list both under what is not reached."),
         "tab_cut": (
             "a tab that a contour was to leave does not stand",
             "`Contour(tabs=4)` states bridges of 4 x 1 mm, and a move edited by hand goes through one of them.",

@@ -1,15 +1,15 @@
-"""Faces that a setup names and of which nothing is cut: no cutter of the shop gets there, and the stock stands as it was."""
+"""Faces that a setup names and most of which is not cut: no cutter of the shop gets there."""
 
 import numpy as np
 
 from cuspline.verification.reporter import MISSED, MISSED_MM2, allowed_mm
 from cuspline.verification.residuals import LIMIT_MM
 
-ROUND, OTHER = 0.95, 0.5    # of a face's area: fillets and hollows, and others, which a cutter beside them may run into
+ROUND, OTHER = 0.95, 0.5    # most of a face's area: of fillets and hollows, and of others
 
 
 def faces_not_cut(found, faces, ball_radius_mm, finish):
-    """Connected samples of such faces: [(k,) index into the samples], part coordinates.
+    """What is not cut of such faces, in connected groups: [(k,) index into the samples].
 
     A fillet or an inner corner that comes out rounder than drawn is none: there a cutter went along both faces beside
     it, and what it leaves is less than its radius.
@@ -23,9 +23,10 @@ def faces_not_cut(found, faces, ball_radius_mm, finish):
     for k, face in enumerate(faces):
         rows = np.flatnonzero((samples.face == k) & ~found.is_top)
         area = samples.weight_mm2[rows]
-        if area.sum() < MISSED_MM2 or found.is_reachable[rows].any():
+        if area.sum() < MISSED_MM2:
             continue
         is_round = -face.middle.curvature_low_per_mm[0] * ball_radius_mm >= 1.0
         stands, share = (min(ball_radius_mm, LIMIT_MM), ROUND) if is_round else (MISSED * allowed_mm(finish), OTHER)
-        missed[rows] = area[d[rows] >= stands].sum() >= share * area.sum()
+        left = ~found.is_reachable[rows] & (d[rows] >= stands)
+        missed[rows[left]] = area[left].sum() >= share * area.sum()
     return found.groups(missed)

@@ -121,13 +121,13 @@ class Reporter:
             yield self._finding("missing_area" if missed else "excess", self.found, worst, amount, advice, more)
 
     def not_cut(self, groups):
-        """One finding a connected group (see faces_not_cut) of faces of which nothing is cut."""
+        """One finding a connected group of places on faces most of which is not cut, see faces_not_cut."""
         for group in groups:
             worst = group[self.found.deviation_mm[group].argmax()]
             why = DOWNWARD_ADVICE if np.median(self.found.reach[group] == DOWNWARD) else NARROW_ADVICE
             yield self._finding("face_not_cut", self.found, worst, self.found.deviation_mm[worst],
-                                f"nothing is cut {over_area(self.found.area_mm2(group))} that the setup names: {why}, or take the "
-                                "face out of the setup's `faces` if it is made elsewhere", True)
+                                f"a face that the setup names is not cut {over_area(self.found.area_mm2(group))}: {why}, or take "
+                                "it out of the setup's `faces` if it is made elsewhere", True)
 
     def unseen_excess(self, proof, cut):
         """One finding a connected group of places that only the proof has found to stand too high."""

@@ -19,12 +19,12 @@ def slot(width, depth):
     return BLOCK.cut(cq.Workplane("XY", origin=(-1, 8 - width / 2, 10 - depth)).box(22, width, depth, centered=False))
 
 
-def verdict(part, faces, below_mm=0.0):
-    """A raster by a ball over z = 10; `faces`: predicate of a normal and a middle."""
+def verdict(part, faces, below_mm=0.0, radius=R, ys=np.arange(-0.3, 16.7, 0.6), z=10.0):
+    """A raster by a ball, over z = 10 unless told otherwise; `faces`: predicate of a normal and a middle."""
     solid = brep.the_solid(part)
     chosen = [f for f in brep.faces_of(solid) if faces(f.middle.normal[0], f.middle.point_mm[0])]
-    posted = program((-6, -0.3, 40), [rapid(-6, -0.3, 14), *raster((-6, 26), np.arange(-0.3, 16.7, 0.6), 10.0), rapid(26, 16, 14)])
-    return verify_setup(posted, {1: tool("ball", 2 * R)}, solid, chosen, finish=FINISH, ball_radius_mm=BALL_MM, options=COARSE,
+    posted = program((-6, -0.3, 40), [rapid(-6, ys[0], 14), *raster((-6, 26), ys, z), rapid(26, ys[-1], 14)])
+    return verify_setup(posted, {1: tool("ball", 2 * radius)}, solid, chosen, finish=FINISH, ball_radius_mm=BALL_MM, options=COARSE,
                         setup=Setup(name="setup-1", wcs_in_words="corner", faces=("top",)),
                         stock=StockBox(min_mm=(0, 0, -below_mm), max_mm=(20, 16, 12)))
 
@@ -45,6 +45,14 @@ def test_a_slot_narrower_than_every_cutter_is_told_with_its_area(width, depth):
 def test_a_hole_that_nothing_drills_is_told():
     told, = verdict(BLOCK.cut(cq.Workplane("XY").circle(1.5).extrude(10).translate((10, 8, 0))), inside).findings
     assert told.kind == "face_not_cut" and told.amount_mm >= 2.0
+
+
+@pytest.mark.parametrize("width, told", [(8.0, ["face_not_cut"] * 2), (15.0, [])])
+def test_a_floor_most_of_which_a_ball_leaves_round_is_told(width, told):
+    """Passes of the smallest ball as near to sharp upright walls as it comes: 0.6 mm beside its last one it leaves 0.06 mm."""
+    ways = np.arange(8 - width / 2 + BALL_MM, 8 + width / 2 - BALL_MM + 1e-9, 0.25)
+    floor = lambda n, p: n[2] > 0.5 and p[2] < 7.5
+    assert [f.kind for f in verdict(slot(width, 3.0), floor, radius=BALL_MM, ys=ways, z=7.0).findings] == told
 
 
 def test_a_named_face_that_looks_away_is_told_where_stock_stands_on_it():
