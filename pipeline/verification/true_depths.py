@@ -68,15 +68,15 @@ def largest_true_mm(samples, deviation_mm, rows, followed, closest, belongs, ste
     return best, at, bool(len(rest)) and bool(is_capped.sum() > MOST or np.abs(deviation_mm[rest]).max() > best)
 
 
-def roughly_true_mm(samples, deviation_mm, rows, followed, closest):
-    """(amount, row, True) of the highest, or deepest, of FEW of the farthest samples, on their own rays; nothing is searched.
+def roughly_true_mm(samples, deviation_mm, rows, followed, closest, few=FEW):
+    """(amount, row, True) of the highest, or deepest, of a few of the farthest samples, on their own rays; nothing is searched.
 
     Args: as `largest_true_mm`.
     """
     sign = 1.0 if deviation_mm[rows[0]] > 0 else -1.0
     size = np.abs(deviation_mm[rows])
     capped = np.flatnonzero(size >= LIMIT_MM - AT_CAP_MM)
-    some = capped[::max(1, -(-len(capped) // FEW))] if len(capped) else np.argsort(-size, kind="stable")[:FEW]
+    some = capped[::max(1, -(-len(capped) // few))] if len(capped) else np.argsort(-size, kind="stable")[:few]
     points, normals = samples.points_mm[rows[some]], samples.normals[rows[some]]
     length = np.maximum(size[some], np.abs(followed(points, normals)))
     share = np.arange(1, PLACES + 1) / PLACES

@@ -51,7 +51,7 @@ from cuspline.verification.setup_mismatch import joints
 from cuspline.verification.solid_check import Limits, SolidComparison, compare
 from cuspline.verification.tabs import said_of_left, with_left
 from cuspline.verification.text_checks import increments_mm, path_tolerance_mm
-from cuspline.verification.true_depths import SEARCHED, largest_true_mm, roughly_true_mm
+from cuspline.verification.true_depths import FEW, SEARCHED, largest_true_mm, roughly_true_mm
 
 COLLISIONS = ("rapid_through_stock", "shank_contact", "holder_contact", "fixture_contact")
 OF_THE_RESULT = ("path_mm", "tracing_mm", "post_rounding_mm", "path_tolerance_mm", "gaps_mm", "increments_mm")   # of gouge and cusp
@@ -63,6 +63,7 @@ REPLAY_NODES = 15_000     # between them bounds over whole cells hold
 MESH_TRIANGLES = 500_000  # of the design: on a longer part they lie farther off, and the bounds say so
 COARSER = 10.0            # times the deviation: a mesh that tells how many triangles there will be
 DESIGN_PIN_MM = 1e-3      # radius of the pin that feels the design's height at a node
+PLANNERS = 384            # samples whose true depth the planner's own check asks for
 SAME_DECIMALS = 6         # of a cosine: directions that look at a face as squarely
 
 
@@ -252,13 +253,14 @@ class FirstLook:
         return tuple(_excess_proof(self.part, c, found, self.judging.say) for c, (found, _) in zip(self.clampings, self.residuals))
 
     def gouges_mm(self, limit_mm):
-        """Deepest gouge of every program, [mm]: what its samples show, and along the nearest way where that is beyond a limit.
+        """Deepest gouge of every program, [mm]: what its samples show; where that is beyond a limit, along the nearest way of some.
 
-        A sample's ray runs on beside an edge as thin as the cut: 0.0002 mm off a razor's edge looked 2 mm deep.
+        A sample's ray runs on beside an edge as thin as the cut: 0.0002 mm off a razor's edge looked 2 mm deep.  There all rays
+        are as long and their search takes minutes: the verdict's, not this one's.
         """
         found = []
         for c, (after_all, own) in zip(self.clampings, self.residuals):
-            true_mm = _once(partial(_true_mm, self.part, c, after_all))
+            true_mm = lambda residuals, rows, is_of_all: _true_mm(self.part, c, after_all, residuals, rows, True, PLANNERS)
             found.append(_largest_mm(own, own.deviation_mm < -limit_mm, own.deviation_mm < 0, true_mm)[0])
         return found
 
@@ -647,14 +649,14 @@ def _found_stock(part, c, tools):
                       columns=None if before.blank.fills_box_in(frame) else before.blank.columns(frame, zmap.xy_mm))
 
 
-def _true_mm(part, c, found, residuals, rows, is_brief):
-    """True amount of a group of samples of clamping c: (amount, row, whether it may be more)."""
+def _true_mm(part, c, found, residuals, rows, is_brief, few=FEW):
+    """True amount of a group of samples of clamping c: (amount, row, whether it may be more); in brief of `few`."""
     piece, far = part.piece, part.piece.blank.size_mm
     left = piece if residuals is found else Workpiece(blank=piece.blank, cuts=(piece.cuts[c.number],))
     is_proud = residuals.deviation_mm[rows[0]] > 0
     belongs = lambda p: left.is_stock(p) if is_proud else left.cut_distance_mm(p) < 0
     asked = residuals.samples, residuals.deviation_mm, rows, lambda p, n: left.deviations(p, n, far)[0], part.surface
-    return roughly_true_mm(*asked) if is_brief else largest_true_mm(*asked, belongs, residuals.spacing_mm)
+    return roughly_true_mm(*asked, few) if is_brief else largest_true_mm(*asked, belongs, residuals.spacing_mm)
 
 
 def _once(true_mm):
