@@ -31,6 +31,7 @@ from cuspline.values.errors import PlanError, ToolpathError
 
 CLEARED = ("pocket", "open pocket")
 LONG = 1.0                  # times its width, that a slot's middle is at least
+LONG_RING = 10.0           # the same of a ring's middle: a shorter one is a pocket round a boss
 SLOT_WALLS = 6              # two long ones, what closes its ends
 LOWER_MM = 1e-3             # than the rim: an island whose top the pocket's floor finishing takes with it
 SAID = 3                    # reasons that are written out, each of another operation
@@ -204,11 +205,14 @@ def _walls(work, faces):
 
 
 def _is_slot(work, feature):
-    """Whether two long walls face each other, and hardly anything else is there."""
+    """Whether two long walls, or two circles, face each other, and hardly anything else is there."""
     if len(feature.faces) - 1 > SLOT_WALLS:
         return False
     middles = middles_of(_walls(work, feature.faces))
-    return len(middles) == 1 and math.dist(middles[0].start, middles[0].end) >= LONG * middles[0].width_mm
+    if len(middles) != 1:
+        return False
+    path, width = middles[0].path, middles[0].width_mm
+    return path.length_mm >= (LONG_RING if path.is_closed else LONG) * width
 
 
 def _widest_radius_mm(work, faces):

@@ -3,11 +3,12 @@ r"""Slots: the middle line between two facing walls, run down by ramps or level 
        ______________________
       (  .______________.    |     one end open: levels, from beside the stock
        \____________________ |     both closed: to and fro, down by a ramp
+                                   ring: round and round, down by a helix
 """
 
 import math
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 
@@ -16,8 +17,8 @@ from cuspline.planning.contouring import CURVE_SHARE, LOOK_SHARE, SLOT_SHARE, ST
 from cuspline.planning.pocketing import BESIDE_MM, NAME, alike, floors_and_walls, said_of_walls
 from cuspline.planning.strategies.contour import Contour
 from cuspline.planning.tool_depth import missing_stick_out_mm
-from cuspline.program.program import Moves, MoveWriter
-from cuspline.toolpaths.prismatic.plan_elements import PlanChain, PlanElement
+from cuspline.program.program import Moves, MoveWriter, Plane
+from cuspline.toolpaths.prismatic.plan_elements import SAME_MM, PlanChain, PlanElement
 from cuspline.toolpaths.prismatic.upright_walls import upright_walls
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import CutterDoesNotFit, PlanError
@@ -25,22 +26,24 @@ from cuspline.values.errors import CutterDoesNotFit, PlanError
 IN_SIZE_MM = 0.004          # a cutter no narrower than the slot by this makes it in size
 WIDEST = 1.8                # cutters: a wider slot is a pocket
 PARALLEL = 1e-9
+RING_PLACES = 16            # where a cutter's reach into a ring is looked at
+TURN_RAD = 1e-6             # of a full turn that may be missing
 NEAR_MM = 0.05              # steps in which the ends of the middle line are looked for
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Middle:
-    """The middle line of one slot, between the ends of its walls."""
+    """The middle line of one slot: a line between the ends of its walls, or the circle of a ring."""
 
-    start: np.ndarray           # (2,)
-    end: np.ndarray             # (2,)
+    path: PlanChain
     width_mm: float
     low_mm: float               # of its floor
-    faces: tuple[int, int]      # of its two walls
+    faces: tuple[int, ...]      # of its walls
 
     @property
-    def way(self):
-        return (self.end - self.start) / fixed.length(self.end - self.start)
+    def places(self):
+        """(n, 2) its ends; of a ring all round."""
+        return self.path.places(self.path.length_mm / RING_PLACES if self.path.is_closed else self.path.length_mm)
 
 
 def slotted(work):
@@ -55,8 +58,8 @@ def slotted(work):
     walls = upright_walls(work.faces, faces, CURVE_SHARE * path_tolerance_mm(work.finish)) if faces else []
     middles = middles_of(walls)
     if not middles:
-        raise PlanError(f"{work.operation.title}: no two straight walls of {work.face_names} face each other: it is for straight "
-                        "slots; give others to pocket")
+        raise PlanError(f"{work.operation.title}: no two straight walls of {work.face_names} face each other, nor two circles "
+                        "about one axis: it is for straight slots and rings; give others to pocket")
     tool = _cutter(work, middles)
     made = [_along_middles(work, tool, middles)]
     if any(m.width_mm - tool.cutter.diameter_mm > IN_SIZE_MM for m in middles):
@@ -68,11 +71,11 @@ def slotted(work):
 
 
 def middles_of(walls):
-    """Middle values of the pairs of straight UprightWalls that face each other, the air between them; nearest pairs first."""
+    """Middle values of the pairs of straight or round UprightWalls that face each other, the air between; nearest pairs first."""
     lines = [w for w in walls if w.element.center is None]
-    pairs = [m for a, b in combinations(lines, 2) if (m := _between(a, b)) is not None]
+    pairs = [m for a, b in combinations(lines, 2) if (m := _between(a, b)) is not None] + _rings(walls)
     out, taken = [], set()
-    for middle in sorted(pairs, key=lambda m: m.width_mm / fixed.length(m.end - m.start)):
+    for middle in sorted(pairs, key=lambda m: m.width_mm / m.path.length_mm):
         if not taken & set(middle.faces):
             out.append(middle)
             taken |= set(middle.faces)
@@ -91,7 +94,40 @@ def _between(a, b):
     if width <= 0 or high - low < width / 2:
         return None
     at = lambda s: a.element.start + s * d + width / 2 * left
-    return Middle(start=at(low), end=at(high), width_mm=width, low_mm=max(a.low_mm, b.low_mm), faces=(a.face, b.face))
+    path = PlanChain(elements=(PlanElement(start=at(low), end=at(high)),), is_closed=False)
+    return Middle(path=path, width_mm=width, low_mm=max(a.low_mm, b.low_mm), faces=(a.face, b.face))
+
+
+def _rings(walls):
+    """Middle values of full circles about one axis: of each hollow one and each round one within it, at the same heights."""
+    hollow, round_ = ([c for c in _circles(walls) if c[0].element.is_left is side] for side in (True, False))
+    found = []
+    for outer, inner in product(hollow, round_):
+        a, b = outer[0].element, inner[0].element
+        width = a.radius_mm - b.radius_mm
+        low, high = max(outer[0].low_mm, inner[0].low_mm), min(outer[0].high_mm, inner[0].high_mm)
+        if fixed.length(a.center - b.center) < SAME_MM and width > 0 and low < high:
+            way = np.array([(a.radius_mm + b.radius_mm) / 2, 0.0])
+            ends = (a.center + way, a.center - way)
+            halves = tuple(PlanElement(start=p, end=q, center=a.center, is_left=True) for p, q in (ends, ends[::-1]))
+            found.append(Middle(path=PlanChain(elements=halves, is_closed=True), width_mm=width, low_mm=low,
+                                faces=tuple({w.face for w in (*outer, *inner)})))
+    return found
+
+
+def _circles(walls):
+    """[[UprightWall]] of arcs that make up a full circle each."""
+    groups = []
+    for wall in (w for w in walls if w.element.center is not None):
+        e = wall.element
+        is_of = lambda o: (fixed.length(o.center - e.center) < SAME_MM and abs(o.radius_mm - e.radius_mm) < SAME_MM
+                           and o.is_left == e.is_left)
+        group = next((g for g in groups if is_of(g[0].element)), None)
+        if group is None:
+            groups.append([wall])
+        else:
+            group.append(wall)
+    return [g for g in groups if sum(w.element.sweep_rad for w in g) > 2 * math.pi - TURN_RAD]
 
 
 def _cutter(work, middles):
@@ -103,7 +139,7 @@ def _cutter(work, middles):
     least, most, why = min(m.width_mm for m in middles), max(m.width_mm for m in middles), []
     for tool in work.tools("flat"):
         d = tool.cutter.diameter_mm
-        tips = np.array([(*m.start, m.low_mm) for m in middles] + [(*m.end, m.low_mm) for m in middles])
+        tips = np.array([(*place, m.low_mm) for m in middles for place in m.places])
         missing = missing_stick_out_mm(tool, tips, work.mesh, 0.0)
         if d > least + IN_SIZE_MM / 2:
             why.append(f"T{tool.number} is wider than {least:.3f} mm")
@@ -125,18 +161,17 @@ def _along_middles(work, tool, middles):
     ramp = math.radians(min(work.ramp_deg(tool), math.degrees(cutter.steepest_rad)))
     made = []
     for middle in middles:
-        ends, opens = zip(*(_reach(work, tool, middle, sign) for sign in (-1.0, 1.0)))
-        path = PlanChain(elements=(PlanElement(start=ends[0], end=ends[1]),), is_closed=False)
+        path, opens = (middle.path, (False,)) if middle.path.is_closed else _as_far_as_it_may(work, tool, middle)
         top = float(stock_over(work, path.places(LOOK_SHARE * cutter.radius_mm), cutter.radius_mm).max())
         if top <= middle.low_mm + STANDS_MM:
             continue
         refuse_blocked(work, tool, path, middle.low_mm)
         if any(opens):
-            line = ends if opens[0] else ends[::-1]
-            made.append(_level_by_level(work, line, (top, middle.low_mm), stepdown, feed))
+            line = path if opens[0] else path.reversed()
+            made.append(_level_by_level(work, line.elements[0], (top, middle.low_mm), stepdown, feed))
         else:
             turn = min(stepdown, path.length_mm * float(fixed.tan(ramp)))
-            made.append(_to_and_fro(work, tool, ends, (top, middle.low_mm), (turn, feed)))
+            made.append(_down_along(work, tool, path, (top, middle.low_mm), (turn, feed)))
     if not made:
         raise PlanError(f"{operation.title}: nothing stands in the slots: leave the operation out, or give the walls to contour")
     facts = {"stepdown_mm": round(stepdown, 6), "slots": len(made), "widths_mm": sorted({round(m.width_mm, 6) for m in middles}),
@@ -144,10 +179,16 @@ def _along_middles(work, tool, middles):
     return work.measured(operation.title, tool, rpm, Moves.joined(made), facts)
 
 
+def _as_far_as_it_may(work, tool, middle):
+    """(PlanChain of a straight middle as far as the cutter may run, whether each of its ends is beside the stock)."""
+    (begin, first), (end, last) = (_reach(work, tool, middle, sign) for sign in (-1.0, 1.0))
+    return PlanChain(elements=(PlanElement(start=begin, end=end),), is_closed=False), (first, last)
+
+
 def _reach(work, tool, middle, sign):
     """((2,) how far the cutter may run at one end of the middle, whether that is beside the stock)."""
-    radius, way = tool.cutter.radius_mm, sign * middle.way
-    end = middle.end if sign > 0 else middle.start
+    line, = middle.path.elements
+    radius, way, end = tool.cutter.radius_mm, sign * line.heading(0.0), line.end if sign > 0 else line.start
     far = radius + BESIDE_MM
     steps = np.arange(-radius, far + NEAR_MM, NEAR_MM)
     places = end + steps[:, None] * way
@@ -171,7 +212,7 @@ def left_at_end_mm(work):
 
 def _level_by_level(work, line, heights_mm, stepdown_mm, feed):
     """Each level from the open end, beside the stock."""
-    (top, low), (begin, end) = heights_mm, line
+    (top, low), begin, end = heights_mm, line.start, line.end
     writer = MoveWriter((*begin, work.clearance_z_mm))
     for z in np.linspace(top, low, math.ceil((top - low) / stepdown_mm - 1e-9) + 1)[1:].tolist():
         writer.rapid((*begin, work.clearance_z_mm))
@@ -182,16 +223,21 @@ def _level_by_level(work, line, heights_mm, stepdown_mm, feed):
     return writer.moves()
 
 
-def _to_and_fro(work, tool, ends, heights_mm, how):
-    """Down evenly along the line, and once along it at the bottom."""
-    (top, low), (turn_mm, feed) = heights_mm, how
-    over = max(top, over_mm(work, ends[0], tool.cutter.radius_mm)) + work.practice.approach_mm
-    writer = MoveWriter((*ends[0], work.clearance_z_mm))
-    writer.rapid((*ends[0], min(over, work.clearance_z_mm)))
-    writer.feed((*ends[0], top), work.practice.plunge_share * feed)
+def _down_along(work, tool, path, heights_mm, how):
+    """Down evenly along a line, to and fro, or round and round a ring; and once along it at the bottom."""
+    (top, low), (turn_mm, feed), begin = heights_mm, how, path.elements[0].start
+    over = max(top, over_mm(work, begin, tool.cutter.radius_mm)) + work.practice.approach_mm
+    writer = MoveWriter((*begin, work.clearance_z_mm))
+    writer.rapid((*begin, min(over, work.clearance_z_mm)))
+    writer.feed((*begin, top), work.practice.plunge_share * feed)
     count = math.ceil((top - low) / turn_mm - 1e-9)
-    for k in range(1, count + 2):
-        z = top + (low - top) * min(k / count, 1.0)
-        writer.feed((*ends[k % 2], z), feed)
+    for k in range(count + 1):
+        there = path if path.is_closed or k % 2 == 0 else path.reversed()
+        for share, e in enumerate(there.elements, 1):
+            z = top + (low - top) * min((k + share / len(there.elements)) / count, 1.0)
+            if e.center is None:
+                writer.feed((*e.end, z), feed)
+            else:
+                writer.arc((*e.end, z), (*e.center, writer.here_mm[2]), Plane.XY, not e.is_left, feed)
     writer.rapid((*writer.here_mm[:2], work.clearance_z_mm))
     return writer.moves()

@@ -12,9 +12,12 @@ from cuspline.app import catalogue
 from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
 from cuspline.planning.feeds import move_lengths_mm
 from cuspline.planning.plan import plan_setup
+from cuspline.planning.slotting import middles_of
 from cuspline.planning.strategies.pocket import Pocket
 from cuspline.planning.strategies.slot import Slot
 from cuspline.program.program import Kind
+from cuspline.toolpaths.prismatic.plan_elements import PlanElement
+from cuspline.toolpaths.prismatic.upright_walls import UprightWall
 from cuspline.values.errors import CamError
 
 MACHINE, SHOP = catalogue.find_machine("mill_3axis"), catalogue.find_library(None)
@@ -118,3 +121,46 @@ def test_a_floor_between_drafted_walls_is_finished_by_a_flat_cutter_and_the_wall
     rough, floor, walls = plan.operations
     assert [o.tool.cutter.type for o in (rough, floor, walls)] == ["flat", "flat", "ball"] and floor.facts["strategy"] == "floor"
     assert plan.area_reached_mm2 > 370.0
+
+
+def ringed(radius=14.0, width=10.0, depth=2.2):
+    """A plate with a ring groove in its top, as deep."""
+    ring = cq.Workplane("XY", origin=(X / 2, Y / 2, Z)).circle(radius + width / 2).circle(radius - width / 2).extrude(-depth)
+    return cq.Workplane("XY").box(X, Y, Z, centered=False).cut(ring)
+
+
+@pytest.mark.parametrize("width", [10.0, 11.0])
+def test_a_ring_groove_is_entered_by_a_helix_along_its_middle(width):
+    """As wide as the cutter it is made in size, a wider one has its two walls finished."""
+    made = planned(ringed(width=width), Slot()).operations
+    along, x, y = made[0].moves, X / 2, Y / 2
+    cut = np.flatnonzero(along.kind == Kind.ARC_CCW)
+    assert np.abs(np.hypot(*(along.end_mm[cut, :2] - (x, y)).T) - 14.0).max() < 1e-9
+    fall = along.starts_mm[cut, 2] - along.end_mm[cut, 2]
+    assert fall.max() <= 14.0 * np.pi * np.tan(np.radians(3.0)) + 1e-9 and (fall[-2:] == 0.0).all()
+    assert along.end_mm[:, 2].min() == pytest.approx(Z - 2.2)
+    turn = np.linspace(0, 2 * np.pi, 400)
+    across = np.linspace(9.0 - (width - 10) / 2 + 0.03, 19.0 + (width - 10) / 2 - 0.03, 60)
+    xy = np.concatenate([np.column_stack([x + r * np.cos(turn), y + r * np.sin(turn)]) for r in across])
+    height = np.full(len(xy), Z)
+    for operation in made:
+        height = operation.swept_mm(xy, height)
+    assert np.abs(height - (Z - 2.2)).max() < 1e-5
+    assert len(made) == (1 if width == 10.0 else 2)
+
+
+def half(radius, is_left, face, is_first):
+    """Half a circle about (3, 4) as an UprightWall."""
+    way = np.array([radius if is_first else -radius, 0.0])
+    middle = np.array([3.0, 4.0])
+    return UprightWall(element=PlanElement(start=middle + way, end=middle - way, center=middle, is_left=is_left),
+                       low_mm=1.0, high_mm=3.0, face=face)
+
+
+def test_a_ring_of_half_cylinders_is_one_ring_and_three_quarters_of_one_is_none():
+    walls = [half(r, is_left, face, is_first) for face, (r, is_left, is_first) in enumerate(
+        ((9.0, True, True), (9.0, True, False), (6.0, False, True), (6.0, False, False)))]
+    ring, = middles_of(walls)
+    assert ring.path.is_closed and ring.width_mm == 3.0 and set(ring.faces) == {0, 1, 2, 3} and ring.low_mm == 1.0
+    assert ring.path.length_mm == pytest.approx(2 * np.pi * 7.5)
+    assert middles_of(walls[:3]) == []

@@ -7,9 +7,9 @@ from cuspline.planning import slotting
 
 
 class Slot(Clearing):
-    """Straight slots, closed, or open at one end or both: its faces are their two long walls, their ends and floors. The cutter
-    goes down along the middle by a ramp, level by level from an open end; then the walls are finished at their foot. One as wide
-    as the slot makes it in size."""
+    """Straight slots, closed, or open at one end or both, and rings between two circles: its faces are their two long walls, their
+    ends and floors. The cutter goes down along the middle by a ramp, level by level from an open end; then the walls are finished
+    at their foot. One as wide as the slot makes it in size."""
 
     kind = "slot"
     picture = """
