@@ -2,28 +2,40 @@
 
 import numpy as np
 
+from cuspline.verification.reach import DRILLED_MM
 from cuspline.verification.reporter import MISSED, MISSED_MM2, allowed_mm
 from cuspline.verification.residuals import LIMIT_MM
 
 ROUND, OTHER = 0.95, 0.5    # most of a face's area: of fillets and hollows, and of others
 
 
-def faces_not_cut(found, faces, ball_radius_mm, finish):
+def point_left_mm(holes, drills):
+    """{number of a hole's flat bottom in the solid's order: how much a drill's point leaves of it}, where one made the hole.
+
+    Args:
+        holes: surfaces.holes.Hole values.   drills: shop.cutters.Cutter values that the program takes.
+    """
+    made = lambda hole, drill: any(w.kind == "cylinder" and abs(drill.radius_mm - w.low_radius_mm) < DRILLED_MM for w in hole.walls)
+    return {i: drill.point_height_mm for hole in holes for drill in drills if made(hole, drill) for i in hole.floor}
+
+
+def faces_not_cut(found, faces, ball_radius_mm, finish, left_mm):
     """What is not cut of such faces, in connected groups: [(k,) index into the samples].
 
     A fillet or an inner corner that comes out rounder than drawn is none: there a cutter went along both faces beside
-    it, and what it leaves is less than its radius.
+    it, and what it leaves is less than its radius.  Nor is the flat bottom of a hole that keeps the point of its drill.
 
     Args:
         found: residuals.Residuals of the faces after all setups.   faces: brep.Face values that its samples speak of.
         ball_radius_mm: smallest ball of the shop.   finish: design.Finish.
+        left_mm: {index of a face: what may stand of it}.
     """
     samples, d = found.samples, found.deviation_mm
     missed = np.zeros(len(samples), bool)
     for k, face in enumerate(faces):
         rows = np.flatnonzero((samples.face == k) & ~found.is_top)
         area = samples.weight_mm2[rows]
-        if area.sum() < MISSED_MM2:
+        if area.sum() < MISSED_MM2 or d[rows].max() <= left_mm.get(k, -np.inf) + allowed_mm(finish):
             continue
         is_round = -face.middle.curvature_low_per_mm[0] * ball_radius_mm >= 1.0
         stands, share = (min(ball_radius_mm, LIMIT_MM), ROUND) if is_round else (MISSED * allowed_mm(finish), OTHER)

@@ -30,7 +30,7 @@ from cuspline.verification.certificate import Certificate, certify, solid_in_wcs
 from cuspline.verification.climbing import Ground
 from cuspline.verification.cusps import Cusps, SampledStock, measured_cusps
 from cuspline.verification.excess_proof import ExcessProof, is_bare, prove_excess
-from cuspline.verification.faces_not_cut import faces_not_cut
+from cuspline.verification.faces_not_cut import faces_not_cut, point_left_mm
 from cuspline.verification.in_process import PART
 from cuspline.verification.process_findings import process_of
 from cuspline.verification.reach import REACHABLE, drop_mesh, upper
@@ -495,7 +495,7 @@ def _judged(part, c, found, own, judging, joined, proof):
     report = Reporter(c.program, finish, found, own, true_mm, columns)
     checks, doubts = _mesh_checks(part, c, found, bounds) if c.options.mesh_checks else ({}, ())
     findings = (*history.findings, *_idle(part, c, own, history, tools), *process.findings, *report.gouges(),
-                *report.unseen_gouges(proven), *report.excess(), *report.not_cut(_not_cut(part, c, found)),
+                *report.unseen_gouges(proven), *report.excess(), *report.not_cut(_not_cut(part, c, found, tools)),
                 *report.unseen_excess(proof, part.piece.cuts[c.number]), *report.unproven(proven, proof),
                 *report.disagreements(view, c.options.solid_pitch_mm, bounds), *doubts)
     radius_of = lambda row: tools[int(c.program.posted.tool[row])].cutter.radius_mm
@@ -520,12 +520,15 @@ def _drafted(part, c, found, own, judging):
     report = Reporter(c.program, part.finish, found, own, true_mm, as_columns(found, part.piece, allowed_mm(part.finish)))
     return SetupDraft(setup=c.name, numbers=_tidy(_on_faces(found, part.finish, true_mm)),
                       findings=(*history.findings, *_idle(part, c, own, history, judging.tools), *report.gouges(),
-                                *report.excess(), *report.not_cut(_not_cut(part, c, found))))
+                                *report.excess(), *report.not_cut(_not_cut(part, c, found, judging.tools))))
 
 
-def _not_cut(part, c, found):
-    faces = _looked_at(part.solid).faces
-    return faces_not_cut(found, [faces[i] for i in c.required], part.ball_radius_mm, part.finish)
+def _not_cut(part, c, found, tools):
+    """Groups of samples on clamping c's faces most of which is not cut, see faces_not_cut."""
+    faces, used = _looked_at(part.solid).faces, set(c.program.posted.tool.tolist())
+    left = point_left_mm(c.sampled.holes, [t.cutter for n, t in tools.items() if n in used and t.cutter.drills])
+    return faces_not_cut(found, [faces[i] for i in c.required], part.ball_radius_mm, part.finish,
+                         {k: left[i] for k, i in enumerate(c.required) if i in left})
 
 
 def _idle(part, c, own, history, tools):

@@ -7,6 +7,8 @@ from known_programs import program, rapid, raster, tool
 
 from cuspline.design import Finish, Setup, StockBox
 from cuspline.kernel import brep
+from cuspline.surfaces.holes import holes_of
+from cuspline.verification.faces_not_cut import point_left_mm
 from cuspline.verification.verdict import Options, verify_setup
 
 FINISH = Finish(scallop_mm=0.010, profile_tolerance_mm=0.002, gouge_mm=0.003)
@@ -67,3 +69,14 @@ def test_a_hollow_that_comes_out_rounder_than_drawn_is_listed_and_no_finding():
     groove = BLOCK.cut(cq.Workplane("YZ", origin=(-1, 8, 11.7)).circle(2.0).extrude(22))
     found = verdict(groove, inside)
     assert found.findings == () and sum(row["area_mm2"] for row in found.as_dict()["unreachable"]) > 20
+
+
+def test_a_flat_bottom_may_keep_the_point_of_the_drill_that_made_its_hole():
+    """Blind holes of 6 and 8 mm drawn with flat bottoms, a drill of 6 mm in the program: 3 mm over tan(70 degrees) stay."""
+    block = BLOCK.faces(">Z").workplane(origin=(5, 8, 10)).hole(6.0, 5.0).faces(">Z").workplane(origin=(14, 8, 10)).hole(8.0, 5.0)
+    faces = brep.faces_of(brep.the_solid(block))
+    drill = tool("ball", 6).cutter.model_copy(update={"type": "drill", "corner_radius_mm": 0.0, "point_angle_deg": 140.0})
+    (bottom, left), = point_left_mm(holes_of(faces), [drill]).items()
+    assert left == pytest.approx(3.0 / np.tan(np.radians(70)))
+    assert faces[bottom].middle.point_mm[0] == pytest.approx((5, 8, 5), abs=0.1) and faces[bottom].kind == "plane"
+    assert point_left_mm(holes_of(faces), []) == {}
