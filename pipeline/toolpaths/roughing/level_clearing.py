@@ -74,6 +74,7 @@ class _Job:
         self.stock = self.grid.sampled(rules.stock_mm)
         self.stock_before, self.sure_stock = self.stock.copy(), self.stock.copy()
         self.cleared = []           # (level, distance to what is cleared there)
+        self.bored = []             # (level, (centre x, centre y, radius) of a helix down to it)
         self.writer = ClearingWriter(rules)
         self.done, self.most, self.left_mm3 = [], 0.0, 0.0
 
@@ -145,7 +146,7 @@ class _Job:
         inside = self._inside(level)
         for inset in INSETS:
             ground = self._ground(material, inside, inset * FIT_MM)
-            cut = LevelRuns(ground, self.grid, self.rules, self.writer, level, self.sure_stock)
+            cut = LevelRuns(ground, self.grid, self.rules, self.writer, level, self.sure_stock, self.bored)
             runs = cut.made()
             if all(self.writer.keeps_allowance(run, level) for run in runs):
                 break
@@ -155,6 +156,7 @@ class _Job:
         self.left_mm3 += cut.left_mm2 * (above - level)
         if runs:
             self.writer.write_level(runs, level)
+            self.bored += [(level, run.helix_mm) for run in runs if run.helix_mm is not None]
             self._lower(ground.material * self.grid.pitch_mm, level)
             self.most = max(self.most, cut.most)
 

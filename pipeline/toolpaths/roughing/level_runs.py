@@ -14,6 +14,7 @@ RIGHT_TURN_SHARE = 0.6      # of the radius: a pass turns right no tighter, left
 IDLE_SHARE = 0.5            # of the radius: a pass that finds nothing for so long has ended
 LONGEST_STEPS = 200_000
 ENTRY_RAD = math.radians(60)    # from the direction to the nearest material to the heading of a pass that begins
+SAME_MM = 1e-6              # rounding
 HELIX_SHARE = 0.8           # of the radius, where there is room: no core is left standing in the middle
 FAILURES = 2000             # starts on one level that may come to nothing before the rest is left
 BESIDE_NODES = 1.6          # a pass begins no farther than this from touching material
@@ -38,7 +39,7 @@ class Run:
 class LevelRuns:
     """Clears the ground of one level run by run; places in nodes unless their names say mm."""
 
-    def __init__(self, ground, grid, rules, writer, level, stock_mm):
+    def __init__(self, ground, grid, rules, writer, level, stock_mm, bored=()):
         """Nothing cut yet.
 
         Args:
@@ -48,9 +49,10 @@ class LevelRuns:
             writer: ClearingWriter, asked how far a way may lead.
             level: height of the level, mm.
             stock_mm: (ny, nx) heights that the stock may still have.
+            bored: (level, (centre x, centre y, radius)) of helices before, mm.
         """
         self.ground, self.grid, self.rules, self.writer, self.level = ground, grid, rules, writer, level
-        self.stock_mm = stock_mm
+        self.stock_mm, self.bored = stock_mm, bored
         self.most, self.left_mm2 = 0.0, 0.0
 
     def made(self):
@@ -126,6 +128,8 @@ class LevelRuns:
         ground.accept(covered)
         self.most = max(self.most, most)
         top = self.level if entry == "stay" else self._top_mm(entry, place, 0.0 if helix is None else helix[2])
+        if helix is not None:
+            top = min([top, *(level for level, before in self.bored if level > self.level and _is_within(helix, before))])
         return Run(entry=entry, way_mm=self._mm(way), path_mm=self._mm(path), helix_mm=helix, top_mm=top)
 
     def _top_mm(self, entry, place, radius_mm):
@@ -158,3 +162,9 @@ class LevelRuns:
 
     def _mm(self, nodes):
         return np.asarray(nodes) * self.grid.pitch_mm + self.grid.low_mm
+
+
+def _is_within(helix, before):
+    """Whether a cutter on one helix stays where the same has been on another, both (centre x, centre y, radius) in mm."""
+    (x, y, radius), (cx, cy, wide) = helix, before
+    return fixed.hypot(x - cx, y - cy) + radius <= wide + SAME_MM

@@ -228,3 +228,13 @@ def test_a_place_is_free_at_a_level_where_the_lowest_tip_is_no_higher():
     tips = job.tip_mm(xy)
     for level in (4.3, 8.0, 9.5, 10.0, 12.3):
         assert np.array_equal(job.is_free_at(xy, level), tips <= level)
+
+
+def test_a_hole_is_entered_at_each_level_from_the_level_before():
+    """Hardly wider than the cutter: its walls stand within the grid's rim of it, and helices ran down from the top each time."""
+    hole = _cut_from_top(cq.Workplane().circle(RADIUS_MM + 1.0).extrude(30).translate((22, 17, -5)))
+    made = clear(_rules(_mesh(hole), stepdown_mm=2.0))
+    moves, levels = made.moves, len(made.levels_mm)
+    helix = (moves.kind >= Kind.ARC_CW) & (moves.end_mm[:, 2] < moves.starts_mm[:, 2] - 1e-9)
+    fallen = (moves.starts_mm - moves.end_mm)[helix, 2].sum()
+    assert levels == 7 and 13.0 - 1e-6 <= fallen <= 13.0 + 0.5 * levels + 1e-6        # each begins half a millimetre over the stock
