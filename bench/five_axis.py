@@ -15,7 +15,7 @@ from cuspline.stock.swept import deviation_mm, signed_distance_mm, swept_paths
 from cuspline.values.threads import set_thread_count, thread_count
 
 GRIDS = ((500, 120), (1000, 240), (2000, 500))      # moves along a pass, passes
-SHAPES = {"ball": (6.0, 6.0), "bull_nose": (6.0, 1.0)}
+SHAPES = {"ball": (6.0, 6.0), "bull_nose": (6.0, 1.0), "flat": (6.0, 0.0)}
 LEAN_RAD = np.radians([12.0, 18.0])
 SAMPLES = (400, 250)
 LIMIT_MM = 1.0

@@ -5,7 +5,7 @@ into as many of them as it takes to stay within SWEEP_MM and SWEEP_RAD of what t
 Under tool-centre-point control the tip runs straight by itself and the rotaries evenly: only the axis asks for pieces.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from cuspline.values.arrays import frozen
 
 SWEEP_MM = 1e-4         # a tenth of what the finest paths are posted within
 SWEEP_RAD = 1e-6        # the same 100 mm above the tip
+AT_A_TIME = 50_000      # blocks: what is in work takes twenty times the room of what comes of it
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -61,6 +62,23 @@ def sweeps_of(chain, blocks):
     Returns:
         Sweeps.  Where a place is unknown its tip is too; where a rotary is, the axis is put upright, and the tip is unknown.
     """
+    firsts = range(0, max(len(blocks.minutes), 1), AT_A_TIME)
+    made = [_sweeps_of(chain, _some(blocks, first), first) for first in firsts]
+    return made[0] if len(made) == 1 else Sweeps(**{f.name: _taken_together(made, f.name) for f in fields(Sweeps)})
+
+
+def _some(blocks, first):
+    return JointBlocks(**{f.name: getattr(blocks, f.name)[first:first + AT_A_TIME] for f in fields(JointBlocks)})
+
+
+def _taken_together(made, name):
+    """One column of all parts, which give it up."""
+    columns = [vars(part).pop(name) for part in made]
+    return np.concatenate(columns)
+
+
+def _sweeps_of(chain, blocks, first):
+    """`sweeps_of` some of the blocks, the one with number `first` and those behind it."""
     ends = [np.hstack([p, np.radians(q)]) for p, q in ((blocks.start_mm, blocks.start_deg), (blocks.end_mm, blocks.end_deg))]
     known = np.isfinite(ends[0]).all(axis=1) & np.isfinite(ends[1]).all(axis=1)
     upright = (blocks.start_deg == 0).all(axis=1) & (blocks.end_deg == 0).all(axis=1)
@@ -75,7 +93,7 @@ def sweeps_of(chain, blocks):
     run = np.sqrt(((tips[1] - tips[0]) ** 2).sum(axis=1))
     with np.errstate(divide="ignore", invalid="ignore"):
         feed = run * count[row] / blocks.minutes[row]
-    return Sweeps(row=row, start_mm=tips[0], end_mm=tips[1], start_axis=axes[0], end_axis=axes[1],
+    return Sweeps(row=first + row, start_mm=tips[0], end_mm=tips[1], start_axis=axes[0], end_axis=axes[1],
                   machine_end_mm=joints[1][:, :3], rotary_deg=np.degrees(joints[1][:, 3:]), is_upright=upright[row],
                   feed_mm_per_min=np.where(np.isfinite(feed), feed, 0.0))
 

@@ -160,9 +160,11 @@ class PostedMoves:
         row, stays = sweeps.row, sweeps.is_upright
         chosen = lambda name: np.where(stays if getattr(self, name).ndim == 1 else stays[:, None], getattr(self, name)[row],
                                        getattr(sweeps, name))
-        columns = {f.name: getattr(self, f.name)[row] for f in fields(self) if isinstance(getattr(self, f.name), np.ndarray)}
-        columns |= {name: chosen(name) for name in (
-            "start_mm", "end_mm", "start_axis", "end_axis", "machine_end_mm", "feed_mm_per_min")}
+        swept = ("start_mm", "end_mm", "start_axis", "end_axis", "machine_end_mm", "feed_mm_per_min")
+        is_same = len(row) == len(self)            # no block has become two: the other columns are not copied
+        columns = {} if is_same else {f.name: getattr(self, f.name)[row] for f in fields(self) if f.name not in swept
+                                      and isinstance(getattr(self, f.name), np.ndarray)}
+        columns |= {name: chosen(name) for name in swept}
         first = np.searchsorted(row, np.arange(len(self) + 1))
         return replace(self, **columns | {"rotary_deg": sweeps.rotary_deg},
                        remarks=tuple(replace(r, row=int(first[r.row])) for r in self.remarks),

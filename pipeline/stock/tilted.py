@@ -15,7 +15,7 @@ from cuspline.stock import tilted_pieces, tilted_tree, tree
 from cuspline.stock.outlines import outline_distance, outline_pieces
 from cuspline.stock.tilted_pieces import TURN_ERROR_MM, posed_pieces
 from cuspline.values import fixed_math as fixed
-from cuspline.values.arrays import frozen
+from cuspline.values.arrays import covered, frozen, lent
 from cuspline.values.errors import SimulationError
 
 LONGEST_RADII = 2.0       # sub-steps are at most this many cutter radii long: boxes stay tight
@@ -33,14 +33,16 @@ class PosedPath:
     geometry: np.ndarray          # (m, 14) sub-steps in the tree's order, see tilted_pieces.py
     row: np.ndarray               # (m,) row of PostedMoves
     step: np.ndarray              # (m,) place of each sub-step in the order of cutting, from 0
-    nodes: np.ndarray             # (k, 41), see tilted_tree.py
+    nodes: np.ndarray             # (k, 56), see tilted_tree.py
+    touches: np.ndarray           # (m, 6), see contact_bounds.py
     leaves: int
     error_mm: float               # bound on what chords of arcs and sub-steps of turns may be off
     is_height_field: bool         # upright, and nowhere narrower above: it leaves no stock above where it cut
 
     def __post_init__(self):
-        for name, width, dtype in (("outline", 10, float), ("geometry", 14, float), ("nodes", 41, float)):
-            object.__setattr__(self, name, frozen(getattr(self, name), (None, width), name, dtype))
+        object.__setattr__(self, "outline", frozen(self.outline, (None, 10), "outline"))
+        for name, width in (("geometry", 14), ("nodes", tilted_tree.COLUMNS), ("touches", 6)):
+            object.__setattr__(self, name, covered(getattr(self, name), (None, width), name))
         for name in ("row", "step"):
             object.__setattr__(self, name, frozen(getattr(self, name), (len(self.geometry),), name, np.int64))
 
@@ -52,9 +54,10 @@ class PosedPath:
     def of_body(self, outline, chosen=slice(None)):
         """What another body of revolution (`outline`, (o, 10)) sweeps while this tool moves; `chosen`: some of the sub-steps."""
         geometry, height, radius = self.geometry[chosen], outline[:, 2].max(), outline[:, 1].max()
-        nodes, leaves = tilted_tree.build_nodes(geometry, outline, 0.0, max(height, HIGHEST_RADII * radius))
+        nodes, touches, leaves = tilted_tree.build_nodes(geometry, outline, 0.0, max(height, HIGHEST_RADII * radius))
         return PosedPath(**{**self.__dict__, "outline": outline, "grown_mm": 0.0, "geometry": geometry, "nodes": nodes,
-                            "leaves": leaves, "row": self.row[chosen], "step": self.step[chosen], "is_height_field": False})
+                            "touches": touches, "leaves": leaves, "row": self.row[chosen], "step": self.step[chosen],
+                            "is_height_field": False})
 
     def of_its_ball(self):
         """What the ball of a ball cutter sweeps, its centre moving straight, less what turning adds; None: no whole ball cuts.
@@ -73,9 +76,9 @@ class PosedPath:
         axes[:], turns[:], g[:, tilted_pieces.TURN] = (0.0, 0.0, 1.0), 0.0, 0.0
         g[:, tilted_pieces.LENGTH] = np.sqrt((ways ** 2).sum(axis=1))
         outline = np.array([[1.0, 0.0, -radius, 0.0, 0.0, radius, 0.0, -1.0, 0.0, 1.0]])
-        nodes, leaves = tilted_tree.build_nodes(g, outline, -radius, radius)
-        return PosedPath(**{**self.__dict__, "outline": outline, "geometry": g, "nodes": nodes, "leaves": leaves,
-                            "grown_mm": self.grown_mm - bend, "is_height_field": False})
+        nodes, touches, leaves = tilted_tree.build_nodes(g, outline, -radius, radius)
+        return PosedPath(**{**self.__dict__, "outline": outline, "geometry": g, "nodes": nodes, "touches": touches,
+                            "leaves": leaves, "grown_mm": self.grown_mm - bend, "is_height_field": False})
 
     def grown(self, by_mm):
         """The same path of a cutter whose surface lies `by_mm` farther out (negative: in).
@@ -127,9 +130,10 @@ def path_of_pieces(pieces, tool, is_height_field):
     lowest = outline[0, 4] if outline[0, 0] else outline[1, 4] if outline[1, 0] else 0.0
     g = pieces.geometry
     order = tree.halved_order(g[:, :3] + 0.5 * g[:, 3:6] + lowest * (g[:, 6:9] + 0.5 * g[:, 9:12]), tilted_tree.LEAF)
-    nodes, leaves = tilted_tree.build_nodes(g[order], outline, lowest, max(height, lowest + HIGHEST_RADII * radius))
-    return PosedPath(tool=tool, outline=outline, grown_mm=0.0, geometry=g[order],
-                     row=pieces.row[order], step=order, nodes=nodes, leaves=leaves, error_mm=pieces.error_mm,
+    g = g[order]
+    nodes, touches, leaves = tilted_tree.build_nodes(g, outline, lowest, max(height, lowest + HIGHEST_RADII * radius))
+    return PosedPath(tool=tool, outline=outline, grown_mm=0.0, geometry=g,
+                     row=pieces.row[order], step=order, nodes=nodes, touches=touches, leaves=leaves, error_mm=pieces.error_mm,
                      is_height_field=is_height_field)
 
 
@@ -139,7 +143,7 @@ def posed_forest(paths):
     for k, p in enumerate(paths):
         trees[k] = node, piece, len(p.row), p.leaves, first, first + len(p.outline)
         node, piece, first = node + len(p.nodes), piece + len(p.row), first + len(p.outline)
-    stack = lambda arrays, width: np.concatenate([np.zeros((0, width)), *arrays])
+    stack = lambda arrays, width: lent(arrays[0]) if len(arrays) == 1 else np.concatenate([np.zeros((0, width)), *arrays])
     grown = np.array([p.grown_mm for p in paths])
-    return (stack([p.geometry for p in paths], 14), stack([p.nodes for p in paths], 41),
-            stack([p.outline for p in paths], 10), trees, grown)
+    return (stack([p.geometry for p in paths], 14), stack([p.nodes for p in paths], tilted_tree.COLUMNS),
+            stack([p.outline for p in paths], 10), trees, grown, stack([p.touches for p in paths], 6))

@@ -1,7 +1,7 @@
 """Bounding tree over the sub-steps of tilted, turning cutters, and the near-first search in it.
 
 A tree is an implicit binary heap over sub-steps, halved again and again across their longest side.  A node is a row
-of 41 numbers:
+of 56 numbers:
 
     MIDDLE_TIP      (3)
     FRAME_U, _V, _W (3 each) its frame, unit vectors u v w; w along the normal that it leaves on the part, towards the holder
@@ -12,18 +12,21 @@ of 41 numbers:
     TOUCH           (3) from the middle tip to where the cutter touches a plane whose normal is w, from above, in the frame
     HEIGHT_0, _1, _2    z0, z1, z2: the normal at that contact meets the axis at z1
     IS_FILLED       1, or 0 where the node holds nothing
+    and those of contact_bounds.py
 
 A forest is a tuple of arrays that numba takes as one argument:
 
     geometry (m, 14), nodes (k, 41), outlines (o, 10),
     trees (t, 6)   first node, first sub-step, sub-steps, leaves, first line of the outline, behind the last one
     grown (t,)     how far the cutter's surface lies out
+    touches (m, 6) of contact_bounds.py
 """
 
 import math
 
 import numpy as np
 
+from cuspline.stock.contact_bounds import face, facing_distance, seen_from, step_bound
 from cuspline.stock.outlines import touching_point
 from cuspline.stock.tilted_kernels import (
     FRAME_U,
@@ -44,17 +47,19 @@ from cuspline.stock.tilted_kernels import (
 from cuspline.stock.tilted_pieces import AXIS, AXIS_WAY, TURN, WAY
 from cuspline.stock.tree import SLACK_MM
 from cuspline.values import fixed_math as fixed
+from cuspline.values.borrowed import borrowed
 from cuspline.values.compiled import njit
 from cuspline.values.rows import X, Y, Z, put
 from cuspline.values.threads import in_blocks
 
-LEAF = 4                  # sub-steps in a leaf
+LEAF = 8                  # sub-steps in a leaf
 NODES = 32                # of a level that a thread fills in at a time
 INHERIT = 1e-3            # weight of the parent's frame where a node's own points leave it open
 BESIDE = 20.0             # mm, z0 and z2 of a node are this far from z1, where the cutter goes on so far
 KEPT_SHARE = 1.5          # a point keeps the sub-steps that are within this many times its distance,
 KEPT_LEAST_MM = 2e-5      # and this
-COLUMNS = 41
+COLUMNS = 56
+ABOVE_MM = 1.0            # a point higher than this over a node's touching plane is better asked about by the other bound
 COUNT, SUMS = 0, 1        # columns of moments; behind the sums of the six, products
 FIRST_NODE, FIRST_SUBSTEP, SUBSTEPS, LEAVES, FIRST_LINE, BEHIND_LAST = range(6)     # of trees
 ROUND = 0.5               # ratio of a contact's radii of curvature that still counts as round
@@ -69,21 +74,21 @@ def leaves_for(count):
 
 
 def build_nodes(geometry, outline, lowest, highest):
-    """Nodes (2 leaves - 1, 41) over sub-steps in their given order, and the number of leaves.
+    """Nodes (2 leaves - 1, 56) over sub-steps in their given order, touches (m, 6) of these, and the number of leaves.
 
     Args:
         geometry: (m, 14).   outline: (o, 10).
         lowest, highest: heights over the tip within which normals at contacts are looked for on the axis.
     """
     leaves = leaves_for(len(geometry))
-    nodes = np.zeros((2 * leaves - 1, COLUMNS))
+    nodes, touches = np.zeros((2 * leaves - 1, COLUMNS)), np.zeros((len(geometry), 6))
     moments = _moments(np.ascontiguousarray(geometry), leaves)
     width = 1
     while width <= leaves:
-        in_blocks(_fill_level, width, NODES, nodes, moments, np.ascontiguousarray(geometry), outline, width, leaves,
+        in_blocks(_fill_level, width, NODES, nodes, touches, moments, np.ascontiguousarray(geometry), outline, width, leaves,
                   float(lowest), float(highest))
         width *= 2
-    return nodes, leaves
+    return nodes, touches, leaves
 
 
 @njit(error_model="numpy")
@@ -220,7 +225,7 @@ def _enclose(node, axis, geometry, first, last):
 
 
 @njit(error_model="numpy")
-def _fill_level(nodes, moments, geometry, outline, width, leaves, lowest, highest, low, high):
+def _fill_level(nodes, touches, moments, geometry, outline, width, leaves, lowest, highest, low, high):
     """Nodes low..high-1 of one level; the level above is there."""
     span = leaves // width * LEAF
     for i in range(low, high):
@@ -235,6 +240,7 @@ def _fill_level(nodes, moments, geometry, outline, width, leaves, lowest, highes
         before = nodes[(width - 2 + i) // 2, FRAME_W:MIDDLE_AXIS] if width > 1 else axis
         _frame(node, axis, moment, before, outline, lowest, highest)
         _enclose(node, axis, geometry, first, last)
+        face(node, geometry, outline, first, last, touches if width == leaves else touches[:0])
         node[IS_FILLED] = 1.0
 
 
@@ -250,7 +256,7 @@ def tree_of(piece, trees):
 @njit(error_model="numpy")
 def one_distance(px, py, pz, piece, forest, best, waiting):
     """`substep_distance` of one sub-step of the forest, to the grown cutter."""
-    geometry, _, outlines, trees, grown = forest
+    geometry, _, outlines, trees, grown, _ = forest
     k = tree_of(piece, trees)
     d, t = substep_distance(px, py, pz, geometry, piece, outlines, trees[k, FIRST_LINE], trees[k, BEHIND_LAST],
                             best + grown[k], waiting)
@@ -260,7 +266,7 @@ def one_distance(px, py, pz, piece, forest, best, waiting):
 @njit(error_model="numpy")
 def one_slope(px, py, pz, n, piece, t, forest):
     """Derivative of the distance to the cutter at the share t of a sub-step, as the point moves along n (3,)."""
-    geometry, _, outlines, trees, _ = forest
+    geometry, _, outlines, trees, _, _ = forest
     k = tree_of(piece, trees)
     return slope_along(px, py, pz, n[X], n[Y], n[Z], geometry, piece, t, outlines, trees[k, FIRST_LINE],
                        trees[k, BEHIND_LAST])
@@ -279,7 +285,9 @@ def nearest_substep(px, py, pz, forest, best, hint, keep, kept, stack, bounds, w
     Last comes a reach, at most `keep`: all sub-steps nearer than this are in kept[1:], kept[0] of them.  The nearer the
     point is to the surface, the smaller it is; -inf where there was no room, or `keep` was.
     """
-    geometry, nodes, outlines, trees, grown = forest
+    geometry, nodes, outlines, trees, grown, touches = forest
+    geometry, nodes, outlines, stack = borrowed(geometry), borrowed(nodes), borrowed(outlines), borrowed(stack)
+    touches, bounds, waiting, kept = borrowed(touches), borrowed(bounds), borrowed(waiting), borrowed(kept)
     found, at = -1, 0.5
     kept[0] = 0
     keep = min(keep, worth_keeping(best))
@@ -303,8 +311,11 @@ def nearest_substep(px, py, pz, forest, best, hint, keep, kept, stack, bounds, w
             node = stack[top]
             if node >= leaves - 1:
                 t0 = (node - leaves + 1) * LEAF
+                pu, pv, pw, across, least = seen_from(px, py, pz, nodes, base + node)
                 for piece in range(start + t0, start + min(t0 + LEAF, count)):
                     if piece == hint:
+                        continue
+                    if step_bound(pu, pv, pw, across, least, nodes, base + node, touches, piece) - by - SLACK_MM >= max(best, keep):
                         continue
                     d, t = substep_distance(px, py, pz, geometry, piece, outlines, first, last,
                                             max(best, keep) + by, waiting)
@@ -319,29 +330,35 @@ def nearest_substep(px, py, pz, forest, best, hint, keep, kept, stack, bounds, w
                         keep = min(keep, worth_keeping(best))
                 continue
             row = base + 2 * node + 1
-            b0 = _node_bound(px, py, pz, nodes, row, outlines, first, last) - by
-            b1 = _node_bound(px, py, pz, nodes, row + 1, outlines, first, last) - by
-            top = _open_children(node, b0, b1, limit, top, stack, bounds)
+            b0, g0 = _node_bound(px, py, pz, nodes, row, outlines, first, last, limit + by)
+            b1, g1 = _node_bound(px, py, pz, nodes, row + 1, outlines, first, last, limit + by)
+            top = _open_children(node, b0 - by, b1 - by, g0 <= g1, limit, top, stack, bounds)
     return best, found, at, keep
 
 
-@njit(error_model="numpy")
-def _node_bound(px, py, pz, nodes, row, outlines, first, last):
-    """Least distance that a sub-step under a node can have to a cutter that has not grown; inf where it holds none."""
+@njit(error_model="numpy", inline="always")
+def _node_bound(px, py, pz, nodes, row, outlines, first, last, limit):
+    """Least distance that a sub-step under a node can have to a cutter that has not grown, as sharp as `limit` asks for, and how
+    far its middle is off, see `facing_distance`; inf where it holds none."""
     if nodes[row, IS_FILLED] == 0.0:
-        return math.inf
-    return poses_distance(px, py, pz, nodes, row, outlines, first, last)
+        return math.inf, math.inf
+    low, is_sharp, guess = facing_distance(px, py, pz, nodes, row)
+    if low >= limit or is_sharp and low > -ABOVE_MM:
+        return low, guess
+    return poses_distance(px, py, pz, nodes, row, outlines, first, last), guess
 
 
-@njit(error_model="numpy")
-def _open_children(node, b0, b1, limit, top, stack, bounds):
-    """Opens the children of a node that may hold less than the limit, the nearer one last; how many nodes are open then."""
-    near, far = (2 * node + 1, 2 * node + 2) if b0 <= b1 else (2 * node + 2, 2 * node + 1)
-    if max(b0, b1) - SLACK_MM < limit:
-        stack[top], bounds[top] = far, max(b0, b1)
+@njit(error_model="numpy", inline="always")
+def _open_children(node, b0, b1, is_left_first, limit, top, stack, bounds):
+    """Opens the children of a node that may hold less than the limit, the likelier one last; how many nodes are open then."""
+    left, right = 2 * node + 1, 2 * node + 2
+    if is_left_first:
+        left, right, b0, b1 = right, left, b1, b0
+    if b0 - SLACK_MM < limit:
+        stack[top], bounds[top] = left, b0
         top += 1
-    if min(b0, b1) - SLACK_MM < limit:
-        stack[top], bounds[top] = near, min(b0, b1)
+    if b1 - SLACK_MM < limit:
+        stack[top], bounds[top] = right, b1
         top += 1
     return top
 
@@ -353,7 +370,9 @@ def holding_substep(px, py, pz, forest, limit, stack, bounds, waiting):
     The deepest of the first leaf that holds one, which need not be the deepest of all: where many of them run through a
     place, this is much sooner found.
     """
-    geometry, nodes, outlines, trees, grown = forest
+    geometry, nodes, outlines, trees, grown, touches = forest
+    geometry, nodes, outlines, stack = borrowed(geometry), borrowed(nodes), borrowed(outlines), borrowed(stack)
+    touches, bounds, waiting = borrowed(touches), borrowed(bounds), borrowed(waiting)
     found, at = -1, 0.5
     for k in range(len(trees)):
         base, start, count, leaves, first, last = trees[k]
@@ -364,12 +383,15 @@ def holding_substep(px, py, pz, forest, limit, stack, bounds, waiting):
             node = stack[top]
             if node < leaves - 1:
                 row = base + 2 * node + 1
-                b0 = _node_bound(px, py, pz, nodes, row, outlines, first, last) - by
-                b1 = _node_bound(px, py, pz, nodes, row + 1, outlines, first, last) - by
-                top = _open_children(node, b0, b1, limit, top, stack, bounds)
+                b0, g0 = _node_bound(px, py, pz, nodes, row, outlines, first, last, limit + by)
+                b1, g1 = _node_bound(px, py, pz, nodes, row + 1, outlines, first, last, limit + by)
+                top = _open_children(node, b0 - by, b1 - by, g0 <= g1, limit, top, stack, bounds)
                 continue
             t0 = (node - leaves + 1) * LEAF
+            pu, pv, pw, across, least = seen_from(px, py, pz, nodes, base + node)
             for piece in range(start + t0, start + min(t0 + LEAF, count)):
+                if step_bound(pu, pv, pw, across, least, nodes, base + node, touches, piece) - by - SLACK_MM >= limit:
+                    continue
                 d, t = substep_distance(px, py, pz, geometry, piece, outlines, first, last, limit + by, waiting)
                 if d - by < limit:
                     limit, found, at = d - by, piece, t

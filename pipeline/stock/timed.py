@@ -11,6 +11,7 @@ the reach: so the earliest sub-step is found as the nearest one is.
 
 import numpy as np
 
+from cuspline.stock.contact_bounds import seen_from, step_bound
 from cuspline.stock.tilted import posed_forest
 from cuspline.stock.tilted_kernels import WAITING, poses_distance, substep_distance
 from cuspline.stock.tilted_tree import BEHIND_LAST, FIRST_LINE, FIRST_NODE, FIRST_SUBSTEP, IS_FILLED, LEAF, LEAVES, SUBSTEPS
@@ -70,7 +71,7 @@ def _searched(px, py, pz, reach, timed, before, goal, stack, bounds, waiting):
 
     goal: 0 the earliest, 1 any, 2 the nearest.
     """
-    geometry, nodes, outlines, trees, grown, number, least = timed
+    geometry, nodes, outlines, trees, grown, touches, number, least = timed
     found, nearest = NEVER, FAR_MM
     for k in range(len(trees)):
         base, start, count, leaves = trees[k, FIRST_NODE], trees[k, FIRST_SUBSTEP], trees[k, SUBSTEPS], trees[k, LEAVES]
@@ -91,8 +92,11 @@ def _searched(px, py, pz, reach, timed, before, goal, stack, bounds, waiting):
                 top += 2
                 continue
             t0 = (node - leaves + 1) * LEAF
+            pu, pv, pw, across, tilt = seen_from(px, py, pz, nodes, base + node)
             for piece in range(start + t0, start + min(t0 + LEAF, count)):
                 if number[piece] >= before:
+                    continue
+                if step_bound(pu, pv, pw, across, tilt, nodes, base + node, touches, piece) - by - SLACK_MM > reach:
                     continue
                 d = substep_distance(px, py, pz, geometry, piece, outlines, first, last, reach + by + SLACK_MM, waiting)[0] - by
                 if d > reach:

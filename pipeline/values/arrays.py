@@ -25,6 +25,24 @@ def frozen(array, shape, name, dtype=np.float64, is_handed_over=False):
     return copy
 
 
+def covered(array, shape, name):
+    """A read-only view of an array that is nobody else's and too large to copy; `lent` gives kernels what it covers.
+
+    >>> given = np.zeros(3)
+    >>> view = covered(given, (3,), "given")
+    >>> view.flags.writeable, lent(view) is given
+    (False, True)
+    """
+    return frozen(np.asarray(array, np.float64)[:], shape, name, is_handed_over=True)
+
+
+def lent(array):
+    """The array as kernels are handed it, see `for_kernel`: without a copy where it is `covered`."""
+    base = array.base
+    is_whole = isinstance(base, np.ndarray) and base.shape == array.shape and base.flags.writeable and base.flags.c_contiguous
+    return base if is_whole and base.dtype == array.dtype else for_kernel(array)
+
+
 def runs_of(mask):
     """[(first, behind the last)] of the runs of true values of (n,) bool.
 

@@ -92,6 +92,7 @@ def read_program(text, *, work_offsets, tool_lengths, chain=None, tool_radii=Non
         refuse_text_after(blocks, end)
     elif not is_closed_by_percent(blocks):
         raise refusal(Complaint("the text stops without a program end", "end it with M2 or M30"), blocks[-1])
+    del blocks                                     # larger than all that is made of them
     return controller.posted_moves()
 
 
@@ -874,7 +875,13 @@ class Controller:
             path_tolerance_mm=tolerance[:, 0], pitch_mm=pitch[:, 0], speed_line=speed_line[:, 0], call_line=call_line[:, 0],
             coolant=coolant[:, 0], radius_register=register[:, 0], work_offsets=tuple(self.used_offsets),
             remarks=tuple(self.remarks), stops=tuple(self.stops))
-        return read.through_joints(self.chain, self._joint_blocks(start, end, machine)) if self.rotaries else read
+        if not self.rotaries:
+            return read
+        blocks = self._joint_blocks(start, end, machine)
+        del table, kind, start, end, center, plane, turns, feed, speed, tool, is_length_on, machine, line, operation, tolerance
+        del speed_line, call_line, coolant, pitch, register
+        self.rows = self.joint_rows = None         # of a million moves 300 MB, before as much comes of them
+        return read.through_joints(self.chain, blocks)
 
     def _joint_blocks(self, start, end, machine):
         """JointBlocks of all moves."""

@@ -7,6 +7,8 @@ from known_programs import feed, program, random_moves, rapid, tool
 from cuspline.program.program import Kind, Plane
 from cuspline.shop.cutter_profile import CutterProfile
 from cuspline.shop.cutters import Cutter, Tool
+from cuspline.stock import tilted_tree
+from cuspline.stock.contact_bounds import AT_U, AT_V, FACE, HALF_U, facing_distance, seen_from, step_bound
 from cuspline.stock.outlines import outline_pieces
 from cuspline.stock.swept import (
     deviation_mm,
@@ -18,6 +20,8 @@ from cuspline.stock.swept import (
     swept_paths,
 )
 from cuspline.stock.tilted import posed_path
+from cuspline.stock.tilted_kernels import FRAME_U, IS_FILLED, pose_distance
+from cuspline.values.compiled import njit
 from cuspline.values.errors import SimulationError
 
 BOX = (-50, -50, -30), (50, 50, 30)
@@ -389,3 +393,102 @@ def test_bad_axes_and_hollow_outlines_are_refused():
                            center_mm=np.full((3, 2), np.nan))
     with pytest.raises(SimulationError, match="corner rounder has a concave corner"):
         outline_pieces(hollow, "corner rounder")
+
+
+# bounds of nodes and of sub-steps -----------------------------------------------------------------
+
+SHARES = np.linspace(0, 1, 21)
+
+
+@njit(error_model="numpy")
+def bound_of_step(point, nodes, row, touches, k):
+    pu, pv, pw, across, least = seen_from(point[0], point[1], point[2], nodes, row)
+    return step_bound(pu, pv, pw, across, least, nodes, row, touches, k)
+
+
+@njit(error_model="numpy")
+def least_of_steps(point, geometry, outline, first, last, shares):
+    least = np.inf
+    for k in range(first, last):
+        for share in shares:
+            least = min(least, pose_distance(point[0], point[1], point[2], geometry, k, share, outline, 0, len(outline))[0])
+    return least
+
+
+def dense(name, lean_deg, along=40, passes=8, step_mm=0.4):
+    """Passes over a wavy surface; the axis leans and the side to which it leans turns."""
+    x, y = np.meshgrid(np.arange(along) * step_mm, np.arange(passes) * step_mm)
+    x[1::2] = x[1::2, ::-1]
+    x, y = x.ravel(), y.ravel()
+    lean, side = np.radians(lean_deg), 0.1 * x + 0.05 * y
+    axes = np.column_stack([np.sin(lean) * np.cos(side), np.sin(lean) * np.sin(side), np.full(len(x), np.cos(lean))])
+    tips = np.column_stack([x, y, 0.5 * np.sin(0.2 * x) * np.cos(0.3 * y)])
+    posted = tilted(tips[0], [feed(*tip) for tip in tips[1:]], axes)
+    return posed_path(posted, np.arange(len(posted)), ALL[name])
+
+
+def places(path, row, rng, count, wide_mm):
+    """Points round what touches at a node's side."""
+    node = path.nodes[row]
+    frame = node[FRAME_U:FRAME_U + 9].reshape(3, 3)
+    at = np.column_stack([node[AT_U] + wide_mm * rng.normal(size=count), node[AT_V] + wide_mm * rng.normal(size=count),
+                          node[FACE] + 0.2 * wide_mm * rng.normal(size=count)])
+    return node[:3] + at @ frame
+
+
+def paths_of(name):
+    posted, _ = random_program(CORPUS[0], 12)
+    return dense(name, 15.0), dense(name, 2.0), posed_path(posted, np.arange(len(posted)), ALL[name])
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_no_pose_under_a_node_is_nearer_than_its_bound(name):
+    rng = np.random.default_rng(3)
+    for path in paths_of(name):
+        for row in np.flatnonzero(path.nodes[:, IS_FILLED] > 0):
+            level = int(np.log2(row + 1))
+            span = (path.leaves >> level) * tilted_tree.LEAF
+            first = (row + 1 - (1 << level)) * span
+            for wide in (0.1, 3.0):
+                for p in places(path, row, rng, 2, wide):
+                    least = least_of_steps(p, path.geometry, path.outline, first, min(first + span, len(path.geometry)), SHARES)
+                    assert facing_distance(*p, path.nodes, row)[0] <= least + 1e-9
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_no_pose_of_a_sub_step_is_nearer_than_its_bound(name):
+    rng = np.random.default_rng(4)
+    for path in paths_of(name):
+        for k in rng.integers(0, len(path.geometry), 200):
+            row = path.leaves - 1 + k // tilted_tree.LEAF
+            for p in places(path, row, rng, 2, rng.choice([0.05, 0.5, 4.0])):
+                least = least_of_steps(p, path.geometry, path.outline, k, k + 1, SHARES)
+                assert bound_of_step(p, path.nodes, row, path.touches, k) <= least + 1e-9
+
+
+@pytest.mark.parametrize("name", ["ball", "bull", "flat", "lens"])
+def test_bounds_of_leaves_get_sharper_as_the_square_of_the_step(name):
+    """What a bound is below the distance, at the place of a leaf that touches: a quarter at half the step."""
+    lost = []
+    for step in (0.4, 0.2):
+        path, rng = dense(name, 15.0, step_mm=step), np.random.default_rng(5)
+        rows = path.leaves - 1 + np.arange(len(path.geometry) // tilted_tree.LEAF)
+        loose = []
+        for row in rows:
+            first = (row + 1 - path.leaves) * tilted_tree.LEAF
+            for p in places(path, row, rng, 3, 0.25 * path.nodes[row, HALF_U]):
+                least = least_of_steps(p, path.geometry, path.outline, first, first + tilted_tree.LEAF, SHARES)
+                loose.append(least - facing_distance(*p, path.nodes, row)[0])
+        lost.append(np.median(loose))
+    assert lost[1] < 0.4 * lost[0]
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_the_nearest_of_many_leaning_sub_steps_is_that_of_all_one_by_one(name):
+    path, rng = dense(name, 15.0), np.random.default_rng(6)
+    points = np.vstack([places(path, 0, rng, 15, wide) for wide in (0.3, 3.0, 10.0)])
+    have = signed_distance_mm((path,), points)
+    for p, d in zip(points, have):
+        shares = np.linspace(0, 1, 201)
+        off = least_of_steps(p, path.geometry, path.outline, 0, len(path.geometry), shares) - d
+        assert -1e-8 < off < 1e-3                  # half of a share of 0.4 mm
