@@ -23,6 +23,7 @@ from cuspline.planning.clearing_axes import (
 from cuspline.planning.context import MESH_DEFLECTION_MM, Left, path_tolerance_mm
 from cuspline.planning.corner_gouges import refuse_gouges
 from cuspline.planning.smoothed_axes import SmoothingSwing, smoothing_facts
+from cuspline.planning.trailing_passes import without_plunges
 from cuspline.program.program import Kind, Moves, tilt_rad
 from cuspline.replay.clearance import SAGITTA_MM, ToolMoves, tool_segments
 from cuspline.shop.rotary_way import shortest_way
@@ -87,13 +88,17 @@ def leaned(work, runs, link, tool):
         return _clearing(work, runs, link, tool, rules)
     if work.tool_axis.smooth_deg is not None and rules.corner is None:
         return _smoothed(work, runs, link, tool, rules)
+    turned_round = {}
+    if rules.corner is not None and work.tool_axis.toward is not None and not link.is_one_way:
+        runs, count = without_plunges(work, runs, lambda some: _laid(some, link), rules, tool)
+        turned_round = {"turned_round": count} if count else {}
     try:
         moves, facts, _ = _turned(work, runs, link, tool, rules)
     except ToolInTheWay:
         if link.behind_rad is None:
             raise
         moves, facts, _ = _turned(work, runs, replace(link, behind_rad=None), tool, rules)     # on ramps along its passes
-    return Leaned(moves=moves, facts=facts)
+    return Leaned(moves=moves, facts={**facts, **turned_round})
 
 
 def _smoothed(work, runs, link, tool, rules):
