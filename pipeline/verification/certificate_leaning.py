@@ -28,7 +28,7 @@ from cuspline.verification.certificate_side import SideViews
 
 LONGEST_RADII = 2.0         # of a sub-step
 MESH_SHARE = 0.25           # of the tolerance: the triangles' deviation
-PIECE_SHARE = 10.0          # of the tolerance: how thick pieces of faces may be, they are halved where a cutter touches
+PIECE_SHARE = 100.0         # of the tolerance: how thick pieces of faces may be, they are halved where a cutter touches
 CLOSE_SHARE = 0.1           # of the tolerance: how closely flanks are looked at
 CONE_SHARE = 0.75           # of the tolerance: how deep a cone may seem to touch what it has made, the triangles' chords counted
 CONE_CLOSE_SHARE = 0.2      # of it: how closely that is looked at

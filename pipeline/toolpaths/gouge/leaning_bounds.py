@@ -19,10 +19,13 @@ from cuspline.stock.outlines import (
     DIRECTION_R,
     DIRECTION_Z,
     FROM_R,
+    FROM_Z,
     IS_ARC,
+    RADIUS,
     START_R,
     START_Z,
     TO_R,
+    TO_Z,
     outline_distance,
     touching_point,
 )
@@ -34,6 +37,8 @@ from cuspline.values.rows import X, Y, Z
 
 AT_TIP, AT_AXIS = 0, 3                  # of a pose (6,)
 MIDDLE, HALF, BOX_X, BOX_Y, BOX_Z = range(0, 15, 3)     # of a node (15,): a box's middle, half sides, directions
+MIDDLE_POSE, FIRST_POSE, LAST_POSE = range(3)           # of a stretch
+SMALL_MM = 1e-5                         # what turning adds to a bound is not looked at more closely below an eighth of this
 OUTWARD_MM = 1e-9                       # added to every bound: rounding of coordinates below a metre
 ON_AXIS_MM = 1e-12                      # nearer to the axis a place has no direction from it
 
@@ -70,19 +75,29 @@ def distance_out(outline, pose, x, y, z, n):
     return d
 
 
-@njit(error_model="numpy")
-def _support(outline, pose, nx, ny, nz, more, lever):
-    """(phi of a unit n at a pose, how far from the tip what touches may lie while the axis turns by up to `more`)."""
+@njit(inline="always", error_model="numpy")
+def _support(outline, pose, nx, ny, nz):
+    """(phi of a unit n at a pose, n across the axis, n along it)."""
     ax, ay, az = pose[AT_AXIS + X], pose[AT_AXIS + Y], pose[AT_AXIS + Z]
     c = nx * ax + ny * ay + nz * az
     x, y, z = nx - c * ax, ny - c * ay, nz - c * az
     s = math.sqrt(x * x + y * y + z * z)
-    r, h, _ = touching_point(s, c, outline, 0, len(outline))
-    phi = nx * pose[AT_TIP + X] + ny * pose[AT_TIP + Y] + nz * pose[AT_TIP + Z] + r * s + h * c
-    if more == 0.0 or s - 2.0 * more * c <= 0.0:
-        return phi, lever
-    r, h, _ = touching_point(s - 2.0 * more * c, c + 2.0 * more * s, outline, 0, len(outline))     # atan(2 w) > w
-    return phi, min(lever, math.sqrt(r * r + h * h))
+    best = -math.inf
+    for k in range(len(outline)):           # the corners, and arcs whose own n this is
+        best = max(best, s * outline[k, START_R] + c * outline[k, START_Z])
+        if outline[k, IS_ARC] != 0.0 and outline[k, FROM_R] * c >= outline[k, FROM_Z] * s \
+                and s * outline[k, TO_Z] >= c * outline[k, TO_R]:
+            best = max(best, s * outline[k, CENTER_R] + c * outline[k, CENTER_Z] + outline[k, RADIUS])
+    return best + nx * pose[AT_TIP + X] + ny * pose[AT_TIP + Y] + nz * pose[AT_TIP + Z], s, c
+
+
+@njit(inline="always", error_model="numpy")
+def _lever_within(outline, s, c, turn, lever):
+    """How far from the tip what touches may lie while the axis turns, places lying ever farther from it along the outline."""
+    if s - 2.0 * turn * c <= 0.0:
+        return lever
+    r, h, _ = touching_point(s - 2.0 * turn * c, c + 2.0 * turn * s, outline, 0, len(outline))     # atan(2 w) > w
+    return min(lever, math.sqrt(r * r + h * h))
 
 
 @njit(error_model="numpy")
@@ -93,12 +108,11 @@ def most_support(outline, poses, turn, lever, grows, n):
         poses: (3, 6) in the middle of the stretch, where it begins and ends.   turn: rad over the stretch at its fastest rate.
         lever: farthest place of the cutter from its tip.   grows: whether places lie farther from it all along the outline.
     """
-    nx, ny, nz = n[X], n[Y], n[Z]
-    first, far = _support(outline, poses[1], nx, ny, nz, turn, lever)
-    last, _ = _support(outline, poses[2], nx, ny, nz, 0.0, lever)
-    if not grows:
-        far = lever
-    more = (turn * turn + turn * turn * turn) * far / 8.0
+    first, s, c = _support(outline, poses[FIRST_POSE], n[X], n[Y], n[Z])
+    last, _, _ = _support(outline, poses[LAST_POSE], n[X], n[Y], n[Z])
+    if grows and turn * turn * lever > SMALL_MM:
+        lever = _lever_within(outline, s, c, turn, lever)
+    more = (turn * turn + turn * turn * turn) * lever / 8.0
     return max(first, last) + more, abs(first - last) + more
 
 

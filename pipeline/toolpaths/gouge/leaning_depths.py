@@ -22,8 +22,11 @@ from cuspline.toolpaths.gouge.depth_tree import outside_trim, thin_pieces
 from cuspline.toolpaths.gouge.leaning_bounds import (
     BOX_X,
     BOX_Z,
+    FIRST_POSE,
     HALF,
+    LAST_POSE,
     MIDDLE,
+    MIDDLE_POSE,
     OUTWARD_MM,
     distance_out,
     is_growing,
@@ -61,7 +64,6 @@ COARSER = 4.0
 OF_S, OF_T, OF_TIME = 7, 8, 9   # of a box, behind what `move_depths` has: how much its bound owes to its size in each
 NODE = 7                        # instead of OF_S of a node: how much it owes to its box
 COLUMNS = 10
-MIDDLE_POSE, FIRST_POSE, LAST_POSE = range(3)
 CHUNK = 64                      # sub-steps a thread takes at a time
 SERIAL_ROWS = 128
 
@@ -215,7 +217,7 @@ def _put_axes(points, first, order, normals, low, high, node):
 def _depths_of_substeps(faces, body, g, tolerance, depth, share, place, first_row, last_row):
     """Fill in rows first_row..last_row-1."""
     space = (np.empty((MOST_BOXES + 8, COLUMNS)), np.empty(MOST_BOXES + 8, np.int64), np.empty(MOST_BOXES + 8, np.int64),
-             np.empty((6, 3)), np.empty((3, 6)), np.empty(3), np.empty(3))
+             np.empty((6, 3)), (np.empty((3, 6)), np.empty((3, 6))), np.empty(3), np.empty(3))
     for i in range(first_row, last_row):
         depth[i], share[i] = depth_of_substep(faces, body, g, i, tolerance, space, place[i])
 
@@ -224,13 +226,14 @@ def _depths_of_substeps(faces, body, g, tolerance, depth, share, place, first_ro
 def depth_of_substep(faces, body, g, i, tolerance, space, place):
     """(upper bound of a sub-step's depth, where along it the deepest place known is deepest); that place into `place`."""
     part, nodes, leaf_of, pieces = faces
-    boxes, ids, order, o, _, _, _ = space
+    boxes, ids, order, o, (whole, _), _, _ = space
     leaves = (len(nodes) + 1) // 2
     _, lever, _, _ = body
     reach = g[i, LENGTH] + g[i, TURN] * lever
     lower, upper, share = 0.0, -math.inf, 0.5
     ids[0], boxes[0, BOUND], boxes[0, T_FROM], boxes[0, T_TO] = 0, math.inf, 0.0, 1.0
     boxes[0, NODE], boxes[0, OF_TIME] = math.inf, 0.0
+    _put_poses(g, i, 0.0, 1.0, whole)
     order[0], filled, live = 0, 1, 1
     while live > 0:
         slot = order[0]
@@ -320,20 +323,33 @@ def _halve_time(b, side):
 
 
 @njit(inline="always", error_model="numpy")
-def _put_poses(g, i, b, poses):
-    put_pose(g, i, 0.5 * (b[T_FROM] + b[T_TO]), poses[MIDDLE_POSE])
-    put_pose(g, i, b[T_FROM], poses[FIRST_POSE])
-    put_pose(g, i, b[T_TO], poses[LAST_POSE])
+def _put_poses(g, i, t0, t1, poses):
+    put_pose(g, i, 0.5 * (t0 + t1), poses[MIDDLE_POSE])
+    put_pose(g, i, t0, poses[FIRST_POSE])
+    put_pose(g, i, t1, poses[LAST_POSE])
+
+
+@njit(inline="always", error_model="numpy")
+def _poses_of(g, i, b, both):
+    """(3, 6) of a box's stretch; those of the whole sub-step are at hand."""
+    whole, poses = both
+    if b[T_FROM] == 0.0 and b[T_TO] == 1.0:
+        return whole
+    _put_poses(g, i, b[T_FROM], b[T_TO], poses)
+    return poses
 
 
 @njit(error_model="numpy")
 def _look_at_node(nodes, k, body, g, i, b, enough, space):
     """Bound of a node's faces over a stretch, and what it owes, into the box b."""
-    _, _, _, _, poses, n, _ = space
+    _, _, _, _, both, n, _ = space
     outline, lever, grows, skin = body
-    _put_poses(g, i, b, poses)
-    turn = g[i, TURN] * (b[T_TO] - b[T_FROM])
-    distance_out(outline, poses[MIDDLE_POSE], nodes[k, MIDDLE + X], nodes[k, MIDDLE + Y], nodes[k, MIDDLE + Z], n)
+    poses, turn = _poses_of(g, i, b, both), g[i, TURN] * (b[T_TO] - b[T_FROM])
+    away = distance_out(outline, poses[MIDDLE_POSE], nodes[k, MIDDLE + X], nodes[k, MIDDLE + Y], nodes[k, MIDDLE + Z], n)
+    radius = math.sqrt(nodes[k, HALF + X] ** 2 + nodes[k, HALF + Y] ** 2 + nodes[k, HALF + Z] ** 2)
+    b[BOUND] = radius + 0.5 * (g[i, LENGTH] * (b[T_TO] - b[T_FROM]) + turn * lever) - away - skin + OUTWARD_MM
+    if b[BOUND] <= enough:                  # far off, however it is turned
+        return
     most, b[OF_TIME] = most_support(outline, poses, turn, lever, grows, n)
     least, b[NODE] = least_of_box(nodes, k, n)
     b[BOUND] = most - least - skin + OUTWARD_MM
@@ -348,7 +364,7 @@ def _look_at_node(nodes, k, body, g, i, b, enough, space):
 @njit(error_model="numpy")
 def _look_at_piece(part, leaf, body, g, i, b, enough, space):
     """Bound of a piece over a stretch, and what it owes, into the box b; (depth of its middle, when), the place into o."""
-    _, _, _, o, poses, n, other = space
+    _, _, _, o, both, n, other = space
     outline, lever, grows, skin = body
     row, tag = part.rows[leaf], part.tags[leaf]
     s, t, hs, ht = (row[MIDDLE_S] + row[HALF_S] * b[BOX_S], row[MIDDLE_T] + row[HALF_T] * b[BOX_T],
@@ -360,7 +376,7 @@ def _look_at_piece(part, leaf, body, g, i, b, enough, space):
     p = part.patch[tag[PATCH]]
     derive(part.coefficients, p[OFFSET], p[DEGREE_U], p[DEGREE_V], p[IS_RATIONAL] != 0, s, t, o)
     scale_derivatives(o, hs, ht)
-    _put_poses(g, i, b, poses)
+    poses = _poses_of(g, i, b, both)
     turn, when = g[i, TURN] * (b[T_TO] - b[T_FROM]), 0.5 * (b[T_FROM] + b[T_TO])
     deep = -skin - distance_out(outline, poses[MIDDLE_POSE], o[POINT, X], o[POINT, Y], o[POINT, Z], n)
     most, b[OF_TIME] = most_support(outline, poses, turn, lever, grows, n)
