@@ -94,7 +94,7 @@ def leaned(work, runs, link, tool):
         return _smoothed(work, runs, link, tool, rules)
     turned_round = {}
     if rules.corner is not None and work.tool_axis.toward is not None and not link.is_one_way:
-        runs, count = without_plunges(work, runs, lambda some: _laid(some, link), rules, tool)
+        runs, link, count = without_plunges(work, runs, link, _laid, rules, tool)
         turned_round = {"turned_round": count} if count else {}
     try:
         moves, facts, _ = _turned(work, runs, link, tool, rules)

@@ -7,15 +7,17 @@ r"""Passes back of a cutter that leans one way: where its middle would sink into
 """
 
 from dataclasses import replace
+from itertools import chain, count, islice
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from cuspline.program.program import Kind
 from cuspline.toolpaths.five_axis.leaning_moves import leaning
+from cuspline.toolpaths.freeform.tip_links import as_cut
 from cuspline.values import fixed_math as fixed
 
-ROUNDS = 3                  # of turning passes round, then all are
+ROUNDS = 6                  # of turning passes round: one that is turned cuts later what it had cut before
 DEEP_MM = 0.03              # of way into stock in one run: the verdict accepts 0.05
 BESIDE_SHARE = 0.6          # of the radius: so near beside an earlier contact nothing is left as high as the bottom's middle
 LOWER_MM = 0.01             # of the bottom's middle, under the bottom of the cutter when it was near before
@@ -24,24 +26,35 @@ CLOSE_MM = 0.5              # between places of a path that tell which one a con
 SLOPE_SHARE = 0.98          # of the steepest way that the verdict accepts
 
 
-def without_plunges(work, runs, laid, rules, tool):
-    """Runs of TipPaths, those turned toward the lean, and to be kept so, in which the cutter's middle would be sunk into stock.
+def without_plunges(work, runs, link, laid, rules, tool):
+    """Runs of TipPaths, those in which the cutter's middle would be sunk into stock turned toward the lean.
+
+    The order stays: in another one, passes would run where what is beside them is not cut yet.
 
     Args:
-        work: PlanningContext.   runs: lists of TipPath.   laid: function of runs to Moves of the upright ball.
+        work: PlanningContext.   runs: lists of TipPath.   link: TipLinkRules.
+        laid: function of runs and TipLinkRules to Moves of the upright ball.
         rules: LeaningRules of a cutter that leans toward one direction.   tool: Tool.
     Returns:
-        runs, how many of their paths are turned.
+        runs, the TipLinkRules that lay them so, how many of their paths are turned.
     """
-    toward = np.array(work.tool_axis.toward[:2])
+    toward, turned = np.array(work.tool_axis.toward[:2]), set()
+    sunk = lambda: sunk_contacts_mm(work, leaning(laid(runs, link), rules), tool)
+    places = sunk()
+    if not len(places):
+        return runs, link, 0
+    runs, link = [as_cut(paths, link) if paths else [] for paths in runs], replace(link, keeps_order=True)
     for _ in range(ROUNDS):
-        sunk = sunk_contacts_mm(work, leaning(laid(runs), rules), tool)
-        if not len(sunk):
+        held = {k for k in _holding(runs, places - (0.0, 0.0, rules.radius_mm)) if _trails(_path(runs, k), toward)}
+        if not held:
             break
-        runs = _turned(runs, sunk - (0.0, 0.0, rules.radius_mm), toward)
-    else:
-        runs = [[_toward(p, toward) for p in paths] for paths in runs]
-    return runs, sum(p.keeps_direction for paths in runs for p in paths)
+        turned |= held
+        numbers = count()
+        runs = [[replace(p, tips_mm=p.tips_mm[::-1]) if next(numbers) in held else p for p in paths] for paths in runs]
+        places = sunk()
+        if not len(places):
+            break
+    return runs, link, len(turned)
 
 
 def sunk_contacts_mm(work, found, tool):
@@ -93,25 +106,22 @@ def _parts(rows, length_mm, most_mm):
     return row, (np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count) + 0.5) / parts, parts
 
 
-def _turned(runs, places_mm, toward):
-    """Runs whose paths that hold places (k, 3) go toward a direction in plan."""
-    spots, owner, number = [], [], 0
-    for paths in runs:
-        for p in paths:
-            at = np.concatenate([[0.0], np.cumsum(np.sqrt((np.diff(p.tips_mm, axis=0) ** 2).sum(axis=1)))])
-            even = np.linspace(0.0, at[-1], int(at[-1] / CLOSE_MM) + 2)
-            spots.append(np.column_stack([np.interp(even, at, p.tips_mm[:, k]) for k in range(3)]))
-            owner.append(np.full(len(even), number))
-            number += 1
-    held = set(np.concatenate(owner)[cKDTree(np.vstack(spots)).query(places_mm)[1]].tolist())
-    numbers = iter(range(number))
-    return [[_toward(p, toward) if next(numbers) in held else p for p in paths] for paths in runs]
+def _holding(runs, places_mm):
+    """Set of the numbers of paths, counted through all runs, that hold places (k, 3)."""
+    spots, owner = [], []
+    for number, p in enumerate(chain.from_iterable(runs)):
+        at = np.concatenate([[0.0], np.cumsum(np.sqrt((np.diff(p.tips_mm, axis=0) ** 2).sum(axis=1)))])
+        even = np.linspace(0.0, at[-1], int(at[-1] / CLOSE_MM) + 2)
+        spots.append(np.column_stack([np.interp(even, at, p.tips_mm[:, k]) for k in range(3)]))
+        owner.append(np.full(len(even), number))
+    return set(np.concatenate(owner)[cKDTree(np.vstack(spots)).query(places_mm)[1]].tolist())
 
 
-def _toward(path, toward):
-    """A TipPath that runs so, and is to be kept so; a closed one runs both ways."""
-    if path.is_closed:
-        return path
-    t = path.tips_mm
-    ahead = float(((t[-1] - t[0])[:2] * toward).sum()) >= 0.0
-    return replace(path, tips_mm=t if ahead else t[::-1], keeps_direction=True)
+def _path(runs, number):
+    """The path of a number, counted through all runs."""
+    return next(islice(chain.from_iterable(runs), number, None))
+
+
+def _trails(path, toward):
+    """Whether a TipPath runs against a direction in plan; a closed one runs both ways, turned round or not."""
+    return not path.is_closed and float(((path.tips_mm[-1] - path.tips_mm[0])[:2] * toward).sum()) < 0.0

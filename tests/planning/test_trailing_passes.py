@@ -39,7 +39,14 @@ RULES = LeaningRules(tool_axis=AXIS, radius_mm=2.0, bulge_mm=1e-4, ground=Level(
     BULL.cutter, np.radians(LEAD_DEG), 0.0))
 
 
-def laid(runs):
+@dataclass(frozen=True)
+class Link:
+    """As much of TipLinkRules as is asked: passes are given in their order."""
+
+    keeps_order: bool = True
+
+
+def laid(runs, link=None):
     """Passes one after the other, each from and to 20 mm above the floor."""
     writer = MoveWriter((-50.0, 0.0, 20.0))
     for path in runs[0]:
@@ -76,8 +83,10 @@ def test_beside_a_pass_that_is_cut_nothing_is_left_so_high():
     assert not len(sunk_contacts_mm(work(BOTTOM_MM + 1.0), found, BULL))
 
 
-def test_only_passes_that_would_sink_are_turned_round_and_keep_so():
-    runs, count = without_plunges(work(BOTTOM_MM + 1.0), passes(0.0, 30.0, 60.0, 62.0), laid, RULES, BULL)
-    assert directions(runs) == [True, True, True, False] and count == 1
-    assert [p.keeps_direction for p in runs[0]] == [False, True, False, False]
-    assert directions(without_plunges(work(0.0), passes(0.0, 30.0), laid, RULES, BULL)[0]) == [True, False]
+def test_only_passes_that_would_sink_are_turned_round_and_the_order_stays():
+    link = Link()
+    runs, kept, count = without_plunges(work(BOTTOM_MM + 1.0), passes(0.0, 30.0, 60.0, 62.0), link, laid, RULES, BULL)
+    assert directions(runs) == [True, True, True, False] and count == 1 and kept.keeps_order
+    assert [p.tips_mm[0, 1] for p in runs[0]] == [0.0, 30.0, 60.0, 62.0]
+    runs, kept, count = without_plunges(work(0.0), passes(0.0, 30.0), link, laid, RULES, BULL)
+    assert directions(runs) == [True, False] and count == 0 and kept is link

@@ -16,7 +16,7 @@ def ordered_paths(paths, field, link_mm, is_one_way, bearing=None):
         paths: list of TipPath; the first is cut first.
         field: TipField, for the region.
         link_mm: longest way along the surface from path to path, in plan.
-        is_one_way: all paths keep their direction, not only those that say so; closed ones begin anywhere all the same.
+        is_one_way: paths keep their direction; closed ones begin anywhere all the same.
         bearing: "step-up": the lowest path first, as they lie one above the other; "uphill": open paths run from their lower
             end; None: the nearest next.
     Returns:
@@ -63,7 +63,7 @@ def _entries(paths, is_one_way):
     spot, owner, row = [], [], []
     for k, p in enumerate(paths):
         last = len(p.tips_mm) - 1
-        rows = np.arange(last) if p.is_closed else np.array([0] if is_one_way or p.keeps_direction else [0, last])
+        rows = np.arange(last) if p.is_closed else np.array([0] if is_one_way else [0, last])
         spot.append(p.tips_mm[rows, :2])
         owner.append(np.full(len(rows), k))
         row.append(rows)

@@ -58,6 +58,7 @@ class TipLinkRules:
                                             # entered from behind; None: all
     ramp_above_mm: float = 0.0      # ramps, and ways in from behind, end so high above their path, the rest goes straight down
     bearing: str | None = None      # see ordered_paths
+    keeps_order: bool = False       # paths are cut in the order and the direction in which they are given
     heights: Callable | None = None         # function of places (n, 2) to the heights (n,) that stand there; None: not known
     rapids: Dropper | None = None   # the same as `stock` with a rapid's clearance all round: down to there rapids go straight
                                     # up and down; None: to the approach height
@@ -86,7 +87,7 @@ def moves_of_tip_paths(paths, rules):
     if top > rules.clearance_z_mm:
         raise ToolpathError(f"a path reaches {top:.3f} mm, above the clearance height {rules.clearance_z_mm} mm: "
                             "raise the clearance")
-    order = ordered_paths(paths, rules.field, rules.surface_link_mm, rules.is_one_way, rules.bearing)
+    order = as_cut(paths, rules)
     ways = _surface_ways(order, rules)
     leads_in, leads_out = _leads(order, rules)
     writer = None
@@ -108,6 +109,12 @@ def moves_of_tip_paths(paths, rules):
         _along(writer, leads_out[-1], rules)
     _retract(writer, rules)
     return writer.moves()
+
+
+def as_cut(paths, rules):
+    """The same TipPaths in the order and the direction in which `moves_of_tip_paths` cuts them."""
+    return paths if rules.keeps_order else ordered_paths(
+        paths, rules.field, rules.surface_link_mm, rules.is_one_way, rules.bearing)
 
 
 def _along(writer, tips, rules):

@@ -26,7 +26,6 @@ class TipPath:
     tips_mm: np.ndarray         # (k, 3)
     is_closed: bool
     curve: int                  # index of the plane curve it follows
-    keeps_direction: bool = False       # it is cut from its first tip on, whatever comes before
 
     def __post_init__(self):
         object.__setattr__(self, "tips_mm", frozen(self.tips_mm, (None, 3), "tips_mm"))

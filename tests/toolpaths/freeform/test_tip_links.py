@@ -273,10 +273,10 @@ def test_a_cutter_that_leads_toward_one_side_comes_from_behind_where_it_is_fed_t
     assert len(last) and (way[last, 0] > 0).all()
 
 
-def test_a_path_that_keeps_its_direction_is_entered_at_its_first_tip_among_others_to_and_fro(plain):
+def test_paths_that_keep_their_order_are_cut_as_they_are_given(plain):
     field = field_of(plain)
-    paths = sorted(lines_on(field), key=lambda p: p.tips_mm[0, 1])
-    assert len(paths) > 3
-    held = [dataclasses.replace(p, keeps_direction=k == 1) for k, p in enumerate(paths)]
-    ahead = lambda some: {p.curve: p.tips_mm[-1, 0] > p.tips_mm[0, 0] for p in ordered_paths(some, field, 0.0, False)}
-    assert not ahead(paths)[paths[1].curve] and ahead(held)[paths[1].curve] and not ahead(held)[paths[2].curve]
+    given = [dataclasses.replace(p, tips_mm=p.tips_mm[::-1]) for p in lines_on(field)[::-1]]
+    moves = moves_of_tip_paths(given, rules_of(plain, field, surface_link_mm=0.0, keeps_order=True))
+    firsts = [int(np.flatnonzero(np.abs(moves.end_mm - p.tips_mm[0]).max(axis=1) < 1e-9)[0]) for p in given]
+    lasts = [int(np.flatnonzero(np.abs(moves.end_mm - p.tips_mm[-1]).max(axis=1) < 1e-9)[0]) for p in given]
+    assert len(given) > 3 and all(a < b for a, b in zip(firsts, lasts)) and sorted(firsts) == firsts
