@@ -64,6 +64,7 @@ COARSER = 4.0
 OF_S, OF_T, OF_TIME = 7, 8, 9   # of a box, behind what `move_depths` has: how much its bound owes to its size in each
 NODE = 7                        # instead of OF_S of a node: how much it owes to its box
 COLUMNS = 10
+ROOT = TOP = 0                  # the node and the box that a search begins with; the largest of a heap
 CHUNK = 64                      # sub-steps a thread takes at a time
 SERIAL_ROWS = 128
 
@@ -231,12 +232,12 @@ def depth_of_substep(faces, body, g, i, tolerance, space, place):
     _, lever, _, _ = body
     reach = g[i, LENGTH] + g[i, TURN] * lever
     lower, upper, share = 0.0, -math.inf, 0.5
-    ids[0], boxes[0, BOUND], boxes[0, T_FROM], boxes[0, T_TO] = 0, math.inf, 0.0, 1.0
-    boxes[0, NODE], boxes[0, OF_TIME] = math.inf, 0.0
+    ids[ROOT], boxes[ROOT, BOUND], boxes[ROOT, T_FROM], boxes[ROOT, T_TO] = ROOT, math.inf, 0.0, 1.0
+    boxes[ROOT, NODE], boxes[ROOT, OF_TIME] = math.inf, 0.0
     _put_poses(g, i, 0.0, 1.0, whole)
-    order[0], filled, live = 0, 1, 1
+    order[TOP], filled, live = ROOT, 1, 1
     while live > 0:
-        slot = order[0]
+        slot = order[TOP]
         bound = boxes[slot, BOUND]
         if bound <= settled(lower, tolerance) or filled + 2 > MOST_BOXES:           # the largest is good enough: all are
             upper = max(upper, bound)
