@@ -128,12 +128,16 @@ def _exact_drop():
 
 
 def _certificate():
+    from cuspline.stock.outlines import frustum_outline
     from cuspline.toolpaths.drop.exact_drop import ExactPart
     from cuspline.toolpaths.gouge.depth_tree import DepthTree
+    from cuspline.toolpaths.gouge.leaning_depths import FaceBoxes
     from cuspline.toolpaths.gouge.move_depths import move_depths
     tree = DepthTree.of_part(ExactPart.of_solid(_small_part()), 0.01)
     tips = np.linspace((-8, -8, 4), (8, 8, 4), 3)
     move_depths(tree, tips[:-1], tips[1:], 2.0, 2.0, 0.01)
+    substep = np.array([[0.0, 0, 20, 1, 0, 0, 0, 0, 1, 0, 0, 0, 1, 0]])
+    FaceBoxes.of_solid(_small_part(), 0.05).depths(substep, frustum_outline(0.0, 1.0, 2.0, 1.0), 0.01)
 
 
 def _planning():

@@ -519,7 +519,7 @@ def link_rules(work, tool, field, tolerance_mm, step_mm, feed, left_mm):
         hop_mm=HOP_RADII * radius, lead_radius_mm=0.0 if field.across else work.lead_radius_mm(radius),
         is_one_way=work.operation.passes == "one-way",
         steepest_rad=tool.cutter.steepest_rad, bearing=getattr(work.operation, "bearing", None),
-        behind_rad=_behind_rad(work, tool.cutter),
+        behind_rad=_behind_rad(work, tool.cutter), behind_toward=_lead_in_plan(work),
         ramp_above_mm=0.0 if field.across is None else min(RAMP_ABOVE * path_tolerance_mm(work.finish), HIGHEST_RAMP_MM),
         standing=None if field.across is None else lambda xy: work.standing_round_mm(xy, ENTRY_RADII * radius),
         rapids=None if work.operation.steepest_deg == 90.0 else work.dropper(
@@ -529,6 +529,13 @@ def link_rules(work, tool, field, tolerance_mm, step_mm, feed, left_mm):
 def _behind_rad(work, cutter):
     """Slope at which a cutter that leads one way comes down onto its passes from behind; None: it does not."""
     corner = work.corner_of(cutter)
-    if corner is None or work.tool_axis.toward is not None or corner.lead_rad <= 0.0:
+    if corner is None or corner.lead_rad <= 0.0:
         return None
     return min(RAMP_SHARE * cutter.steepest_rad + corner.lead_rad, STEEPEST_BEHIND_RAD)
+
+
+def _lead_in_plan(work):
+    """Unit direction in plan that the operation's axis leads toward however it is fed; None: there is none."""
+    toward = getattr(work.tool_axis, "toward", None)
+    size = 0.0 if toward is None else float(fixed.hypot(*toward[:2]))
+    return (toward[0] / size, toward[1] / size) if size > 0.0 else None

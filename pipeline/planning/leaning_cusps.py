@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from cuspline.scallop.common_plane import CommonPlane, common_plane_cusp_mm, trace_mm
+from cuspline.scallop.common_plane import CommonPlane, close_outline_mm, common_plane_cusp_mm, trace_mm
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import PlanError
 
@@ -74,7 +74,7 @@ def cusps_mm(found, corner, cutter, step_mm):
         (k,) mm, (k, 3) the contacts to the right of which they stand; none where no pass has a neighbour.
     """
     places = _Places.of(found, corner, APART_SHARE * step_mm)
-    tree, profile, reach = cKDTree(places.contact_mm), cutter.profile, REACH_RADII * cutter.radius_mm
+    tree, outline, reach = cKDTree(places.contact_mm), close_outline_mm(cutter.profile), REACH_RADII * cutter.radius_mm
     known = np.flatnonzero((places.feed != 0.0).any(axis=1))
     looked = known[np.unique(np.linspace(0, len(known) - 1, LOOKED_AT).astype(int))] if len(known) else known
     pairs = [(a, b) for a in looked if (b := _beside(a, places, tree, step_mm)) is not None]
@@ -86,7 +86,7 @@ def cusps_mm(found, corner, cutter, step_mm):
         except PlanError:
             continue
         bend = float(fixed.matmul(normals[1] - normals[0], plane.along) / plane.width_mm)
-        traces = [trace_mm(plane, profile, *places.near(row, reach)) for row in (a, b)]
+        traces = [trace_mm(plane, outline, *places.near(row, reach)) for row in (a, b)]
         found_mm.append(common_plane_cusp_mm(plane, traces, bend))
         contacts.append(ends[0])
     return np.array(found_mm), np.array(contacts).reshape(-1, 3)

@@ -23,19 +23,24 @@ from cuspline.planning.clearing_axes import (
 from cuspline.planning.context import MESH_DEFLECTION_MM, Left, path_tolerance_mm
 from cuspline.planning.corner_gouges import refuse_gouges
 from cuspline.planning.smoothed_axes import SmoothingSwing, smoothing_facts
+from cuspline.planning.trailing_passes import without_plunges
 from cuspline.program.program import Kind, Moves, tilt_rad
 from cuspline.replay.clearance import SAGITTA_MM, ToolMoves, tool_segments
 from cuspline.shop.rotary_way import shortest_way
+from cuspline.stock.tilted_pieces import straight_pieces
 from cuspline.toolpaths.five_axis.clear_axes import AxisSearch
 from cuspline.toolpaths.five_axis.leaning_moves import Ground, LeaningRules, angles_between, leaning
 from cuspline.toolpaths.five_axis.tool_axes import ClearingAxis
 from cuspline.toolpaths.freeform.tip_links import moves_of_tip_paths
+from cuspline.toolpaths.gouge.leaning_depths import FaceBoxes, body_outline
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import PlanError, PostError
 from cuspline.values.rows import X, Y, Z
 
 BULGE_SHARE = 0.2           # of the path tolerance, for what the ball's middle leaves its line while the axis turns
 TOUCHING_SHARES = 2.0       # of it: a ball nearer to the part is in the cut
+FACE_BOXES_MM = 0.05        # how thick pieces of faces may be, they are halved where a cutter touches
+IN_FACES_SHARE = 0.5        # of what flutes may be in the part: how closely they are held against its faces
 ROUNDED_MM = 1e-3           # as well as a clearance is told
 LEAST_MM = 1e-12           # an arm shorter than this has no direction
 LEANING = 1e-3             # between the face's normal and the ball's: it is on the face's edge
@@ -87,13 +92,17 @@ def leaned(work, runs, link, tool):
         return _clearing(work, runs, link, tool, rules)
     if work.tool_axis.smooth_deg is not None and rules.corner is None:
         return _smoothed(work, runs, link, tool, rules)
+    turned_round = {}
+    if rules.corner is not None and work.tool_axis.toward is not None and not link.is_one_way:
+        runs, link, count = without_plunges(work, runs, link, _laid, rules, tool)
+        turned_round = {"turned_round": count} if count else {}
     try:
         moves, facts, _ = _turned(work, runs, link, tool, rules)
     except ToolInTheWay:
         if link.behind_rad is None:
             raise
         moves, facts, _ = _turned(work, runs, replace(link, behind_rad=None), tool, rules)     # on ramps along its passes
-    return Leaned(moves=moves, facts=facts)
+    return Leaned(moves=moves, facts={**facts, **turned_round})
 
 
 def _smoothed(work, runs, link, tool, rules):
@@ -309,9 +318,12 @@ def _refuse_contact(work, moves, tool):
     axes = np.vstack([moves.axis[:1], moves.axis])
     way = ToolMoves(start_tips_mm=moves.starts_mm, end_tips_mm=moves.end_mm, start_axes=axes[:-1], end_axes=axes[1:])
     into, keep = margins_mm(work)
+    touches = _in_faces(work, way, tool, into)
     for what, segments, margin in (
             ("flutes", tool_segments(tool), -into),
             ("shank or holder", tool_segments(tool, with_flutes=False), keep)):
+        if what == "flutes" and not touches.any():
+            continue
         clear = work.obstacle_tree.certified_clearance(segments, way, margin, tolerance_mm=ROUNDED_MM)
         bad = np.flatnonzero(~clear.is_clear)
         if len(bad):
@@ -322,6 +334,23 @@ def _refuse_contact(work, moves, tool):
                 f"{clear.clearance_mm[worst]:.3f} mm of the part{' or a fixture' if work.fixtures else ''} ({margin:.3f} wanted) "
                 f"at {place}, and in {len(bad) - 1} other moves: lean it less, or the other way, leave these faces out, or take "
                 "a slimmer or longer tool", rows=bad)
+
+
+def _in_faces(work, way, tool, into_mm):
+    """(n,) bool: moves whose flutes may come deeper into the part's exact faces; all of them where fixtures stand beside it.
+
+    A ball or corner that turns on a face is proven there in few steps; against triangles every stretch of its turn is one.
+    """
+    if work.fixtures:
+        return np.ones(len(way.start_axes), bool)
+    profile = tool.cutter.profile
+    pieces = straight_pieces(way.start_tips_mm, way.end_tips_mm, way.start_axes, way.end_axes,
+                             float(fixed.hypot(profile.largest_radius_mm, profile.height_mm)))
+    boxes = work.once("face boxes", lambda: FaceBoxes.of_solid(work.solid, FACE_BOXES_MM))
+    depth, _, _ = boxes.depths(pieces.geometry, body_outline(tool.cutter), IN_FACES_SHARE * into_mm)
+    deep = np.zeros(len(way.start_axes), bool)
+    deep[pieces.row[depth + pieces.error_mm > into_mm]] = True
+    return deep
 
 
 def lifted(work, found, tool):

@@ -60,17 +60,17 @@ class CommonPlane:
         return np.cross(self.along, self.up)
 
 
-def trace_mm(plane, profile, tips_mm, axes):
+def trace_mm(plane, outline_mm, tips_mm, axes):
     """The lowest O_n of a cutter over its positions, at PLACES from the first contact to the second.
 
     Args:
-        plane: CommonPlane.   profile: shop.cutter_profile.CutterProfile.
+        plane: CommonPlane.   outline_mm: (k, 2) of the cutter, see `close_outline_mm`.
         tips_mm, axes: (k, 3) positions close together, from where the cutter enters the plane to where it leaves it.
     Returns:
         (PLACES,) mm; inf where it never comes.
     """
     found = np.full(PLACES, np.inf)
-    _lowest(for_kernel(_outline(profile)), for_kernel(np.asarray(tips_mm) - plane.origin_mm), for_kernel(axes),
+    _lowest(for_kernel(outline_mm), for_kernel(np.asarray(tips_mm) - plane.origin_mm), for_kernel(axes),
             np.stack([plane.along, plane.up, plane.across]), plane.width_mm / (PLACES - 1), found)
     return found
 
@@ -95,8 +95,8 @@ def _design_mm(width_mm, curvature):
     return curvature * (half * half - t * t) / (root(t) + root(half))
 
 
-def _outline(profile):
-    """(k, 2) r, z from the tip upward, straight pieces in parts."""
+def close_outline_mm(profile):
+    """(k, 2) r, z of a shop.cutter_profile.CutterProfile from the tip upward, straight pieces in parts, for all traces."""
     points = profile.points(OUTLINE_MM)
     pieces = [points[:1]]
     for a, b in zip(points[:-1], points[1:]):

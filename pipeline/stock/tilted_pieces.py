@@ -65,14 +65,44 @@ def posed_pieces(posted, rows, longest_mm, reach_mm, turn_error_mm=TURN_ERROR_MM
     tip = lambda k: start[whole] + (k / counts[whole])[:, None] * way[whole]
     share = lambda k: share0[whole] + k / counts[whole] * (share1 - share0)[whole]
     axis = lambda k: _axes(posted, chords.row[whole], share(k), turn)
-    geometry = np.zeros((len(whole), 14))
-    geometry[:, :3], geometry[:, 6:9] = tip(part), axis(part)
-    geometry[:, 3:6], geometry[:, 9:12] = tip(part + 1) - tip(part), axis(part + 1) - axis(part)
-    geometry[:, 12] = np.sqrt((geometry[:, 3:6] ** 2).sum(axis=1))
-    chord = np.sqrt((geometry[:, 9:12] ** 2).sum(axis=1))
-    geometry[:, 13] = chord / np.sqrt(1 - chord ** 2 / 4)
-    uneven = UNEVEN * reach_mm * fixed.power(geometry[:, 13].max(initial=0.0) / 2, 3)
-    return PosedPieces(geometry=geometry, row=chords.row[whole], error_mm=float(chords.error_mm + uneven))
+    return _pieces_between((tip(part), tip(part + 1)), (axis(part), axis(part + 1)), chords.row[whole], reach_mm, chords.error_mm)
+
+
+def straight_pieces(start_tips_mm, end_tips_mm, start_axes, end_axes, reach_mm, turn_error_mm=TURN_ERROR_MM):
+    """PosedPieces of straight moves as they are planned, (n, 3) each, the axis on the great circle between both ends.
+
+    Args:
+        start_tips_mm, end_tips_mm, start_axes, end_axes: (n, 3), unit axes.   reach_mm, turn_error_mm: as for `posed_pieces`.
+    Raises:
+        SimulationError: an axis that turns half round; `.rows`.
+    """
+    turn = _angles_between(start_axes, end_axes)
+    bad = np.flatnonzero(turn > OPPOSITE_RAD)
+    if len(bad):
+        raise SimulationError("a move turns the axis by half a turn, so the way that it takes is open: split it", rows=bad)
+    most = 2 * fixed.arctan(fixed.cbrt(turn_error_mm / (UNEVEN * reach_mm)))
+    counts = np.maximum(1, np.ceil(turn / most - 1e-9)).astype(np.int64)
+    whole, part = repeated_parts(counts)
+    tip = lambda k: start_tips_mm[whole] + (k / counts[whole])[:, None] * (end_tips_mm - start_tips_mm)[whole]
+    axis = lambda k: _on_circle(start_axes[whole], end_axes[whole], turn[whole], k / counts[whole])
+    return _pieces_between((tip(part), tip(part + 1)), (axis(part), axis(part + 1)), whole, reach_mm, 0.0)
+
+
+def _pieces_between(tips, axes, row, reach_mm, error_mm):
+    """PosedPieces from the first to the second of two (m, 3) of tips and axes."""
+    geometry = np.zeros((len(row), 14))
+    geometry[:, TIP:WAY], geometry[:, AXIS:AXIS_WAY] = tips[0], axes[0]
+    geometry[:, WAY:AXIS], geometry[:, AXIS_WAY:LENGTH] = tips[1] - tips[0], axes[1] - axes[0]
+    geometry[:, LENGTH] = np.sqrt((geometry[:, WAY:AXIS] ** 2).sum(axis=1))
+    chord = np.sqrt((geometry[:, AXIS_WAY:LENGTH] ** 2).sum(axis=1))
+    geometry[:, TURN] = chord / np.sqrt(1 - chord ** 2 / 4)
+    uneven = UNEVEN * reach_mm * fixed.power(geometry[:, TURN].max(initial=0.0) / 2, 3)
+    return PosedPieces(geometry=geometry, row=row, error_mm=float(error_mm + uneven))
+
+
+def _angles_between(a, b):
+    """(n,) angles between unit vectors."""
+    return fixed.arctan2(np.sqrt((np.cross(a, b) ** 2).sum(axis=1)), (a * b).sum(axis=1))
 
 
 def upright_pieces(lines, row):
@@ -87,7 +117,7 @@ def _turns_rad(posted, rows):
     """(n,) angle between both axes of each move; 0 on rows that are not asked for."""
     turn = np.zeros(len(posted))
     a, b = posted.start_axis[rows], posted.end_axis[rows]
-    turn[rows] = fixed.arctan2(np.sqrt((np.cross(a, b) ** 2).sum(axis=1)), (a * b).sum(axis=1))
+    turn[rows] = _angles_between(a, b)
     bad = np.flatnonzero(turn > OPPOSITE_RAD)
     if len(bad):
         raise SimulationError(f"line {posted.line[bad[0]]}: the tool axis turns by {np.degrees(turn[bad[0]]):.1f}° in "
@@ -110,7 +140,11 @@ def _shares(row, length):
 
 def _axes(posted, row, share, turn):
     """(m, 3) axes of moves at a share of their turn along the great circle."""
-    a, b, angle = posted.start_axis[row], posted.end_axis[row], turn[row]
+    return _on_circle(posted.start_axis[row], posted.end_axis[row], turn[row], share)
+
+
+def _on_circle(a, b, angle, share):
+    """(m, 3) axes at shares of turns by angles (m,) from a to b (m, 3)."""
     is_still = angle < 1e-12
     sine = np.where(is_still, 1.0, fixed.sin(angle))
     weight = lambda s: np.where(is_still, s, fixed.sin(s * angle) / sine)[:, None]

@@ -4,10 +4,13 @@ r"""Depths of a leaning, turning cutter's moves for the certificate, sub-step by
         ║ ║          runs straight within R w² / 8, w the turn, so it is held against the exact faces as a ball that
         ║_║          moves without leaning, from above and from below (certificate_side.py).
        (   )
-        ‾‾‾          All else, flanks and corners that are no ball, is swept straight with the axis of its middle, what turning
-                     adds to that is taken off, and stretches are halved until that is little (replay/clearance.py).
+        ‾‾‾          Its flanks are swept straight with the axis of their middle, what turning adds to that is taken off, and
+                     stretches are halved until that is little (replay/clearance.py).
+       (|_|)
+       (___)         A cutter of any other outline is held against the exact faces whole (toolpaths/gouge/leaning_depths.py).
 
-Flanks are held against triangles of the faces.  How far the faces lie off those is measured, not proven, and counts in full.
+Flanks of balls, and cones, are held against triangles of the faces.  How far the faces lie off those is measured, not proven, and
+counts in full.
 """
 
 from dataclasses import dataclass
@@ -19,11 +22,13 @@ from cuspline.kernel.tessellation import tessellate
 from cuspline.replay.clearance import ClearanceTree, ToolMoves, flute_segments
 from cuspline.shop.cutters import POINTED
 from cuspline.stock.tilted_pieces import AXIS, TIP, TURN, WAY, posed_pieces
+from cuspline.toolpaths.gouge.leaning_depths import FaceBoxes, body_outline
 from cuspline.values import fixed_math as fixed
 from cuspline.verification.certificate_side import SideViews
 
 LONGEST_RADII = 2.0         # of a sub-step
 MESH_SHARE = 0.25           # of the tolerance: the triangles' deviation
+PIECE_SHARE = 100.0         # of the tolerance: how thick pieces of faces may be, they are halved where a cutter touches
 CLOSE_SHARE = 0.1           # of the tolerance: how closely flanks are looked at
 CONE_SHARE = 0.75           # of the tolerance: how deep a cone may seem to touch what it has made, the triangles' chords counted
 CONE_CLOSE_SHARE = 0.2      # of it: how closely that is looked at
@@ -43,6 +48,10 @@ class LeaningViews:
     @cached_property
     def _ball(self):
         return SideViews(solid=self.solid, axis=(0.0, 0.0, 1.0), thickness_mm=self.thickness_mm)
+
+    @cached_property
+    def _faces(self):
+        return FaceBoxes.of_solid(self.solid, PIECE_SHARE * self.tolerance_mm)
 
     @cached_property
     def _mesh(self):
@@ -65,29 +74,28 @@ class LeaningViews:
         reach = float(fixed.hypot(profile.largest_radius_mm, profile.height_mm))
         pieces = posed_pieces(posted, rows, LONGEST_RADII * profile.largest_radius_mm, reach)
         g = pieces.geometry
-        moves = ToolMoves.of_substeps(g)
-        share, place = np.full(len(g), 0.5), np.full((len(g), 3), np.nan)
-        segments = flute_segments(cutter)
-        if cutter.type in POINTED:
-            depth, place = self._cones(segments, moves, skin_mm)
-            tip = g[:, TIP:WAY] + 0.5 * g[:, WAY:AXIS]
-            depth = np.where(depth > 0, depth + pieces.error_mm, 0.0)
-            return _deepest(pieces.row, depth, _share_of_move(pieces.row, share), np.where(np.isfinite(place), place, tip))
-        corner = {"ball": cutter.radius_mm, "bull_nose": cutter.corner_radius_mm}.get(cutter.type, 0.0)
+        tip_at = lambda share: g[:, TIP:WAY] + share[:, None] * g[:, WAY:AXIS]
         if cutter.type == "ball":
-            centers = [t + corner * a for t, a in ((moves.start_tips_mm, moves.start_axes), (moves.end_tips_mm, moves.end_axes))]
-            depth, share, place = self._ball.of_ball(*centers, corner - skin_mm, self.tolerance_mm, ask)
-            depth = depth + corner * g[:, TURN] ** 2 / 8
-            segments = segments[segments[:, 4] != corner]
+            depth, share, place = self._ball_depths(cutter, pieces, skin_mm, ask)
+        elif cutter.type in POINTED:
+            depth, place = self._cones(flute_segments(cutter), ToolMoves.of_substeps(g), skin_mm)
+            share = np.full(len(g), 0.5)
         else:
-            depth = np.zeros(len(g))
-        flank, flank_place = self._flanks(segments, moves, skin_mm)
+            depth, share, place = self._faces.depths(g, body_outline(cutter), self.tolerance_mm, skin_mm)
+        depth = np.where(depth > 0, depth + pieces.error_mm, 0.0)
+        return _deepest(pieces.row, depth, _share_of_move(pieces.row, share), np.where(np.isfinite(place), place, tip_at(share)))
+
+    def _ball_depths(self, cutter, pieces, skin_mm, ask):
+        """(m,) depths of a ball cutter's sub-steps, (m,) where along them, (m, 3) of which place."""
+        g, corner, moves = pieces.geometry, cutter.radius_mm, ToolMoves.of_substeps(pieces.geometry)
+        centers = [t + corner * a for t, a in ((moves.start_tips_mm, moves.start_axes), (moves.end_tips_mm, moves.end_axes))]
+        depth, share, place = self._ball.of_ball(*centers, corner - skin_mm, self.tolerance_mm, ask)
+        depth = depth + corner * g[:, TURN] ** 2 / 8
+        segments = flute_segments(cutter)
+        flank, flank_place = self._flanks(segments[segments[:, 4] != corner], moves, skin_mm)
         is_flank = flank > depth
         depth = _of_whole_cutter(np.where(is_flank, flank, depth), corner, cutter.largest_radius_mm)
-        place, share = np.where(is_flank[:, None], flank_place, place), np.where(is_flank, 0.5, share)
-        depth = np.where(depth > 0, depth + pieces.error_mm, 0.0)
-        tip = g[:, TIP:WAY] + share[:, None] * g[:, WAY:AXIS]
-        return _deepest(pieces.row, depth, _share_of_move(pieces.row, share), np.where(np.isfinite(place), place, tip))
+        return depth, np.where(is_flank, 0.5, share), np.where(is_flank[:, None], flank_place, place)
 
     def _cones(self, segments, moves, skin_mm):
         """(m,) how deep faces come to lie in a cone and the cylinder on it at most, (m, 3) where.

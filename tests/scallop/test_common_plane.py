@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from cuspline.scallop.common_plane import OUTLINE_MM, CommonPlane, common_plane_cusp_mm, trace_mm
+from cuspline.scallop.common_plane import OUTLINE_MM, CommonPlane, close_outline_mm, common_plane_cusp_mm
+from cuspline.scallop.common_plane import trace_mm as trace_of_outline_mm
 from cuspline.scallop.cusp import Stance, cutter_scallop_mm, effective_radius_mm
 from cuspline.scallop.stepover import scallop_for_stepover_mm
 from cuspline.shop.cutter_profile import apt_profile
@@ -13,6 +14,10 @@ from cuspline.values.errors import PlanError
 
 INCH = 25.4
 UP = np.array([0.0, 0.0, 1.0])
+
+
+def trace_mm(plane, profile, tips_mm, axes):
+    return trace_of_outline_mm(plane, close_outline_mm(profile), tips_mm, axes)
 
 
 def ball(r):

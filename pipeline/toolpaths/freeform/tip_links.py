@@ -31,6 +31,7 @@ MARGIN_MM = 0.1             # above what earlier operations left
 LEVEL_MM = 1e-9
 MOST_FOLDS = 40             # of a ramp to and fro
 UNDER, UNDER_SHARES = 16, np.array([0.17, 0.33, 0.5])     # places on circles of these shares of its radius: under a cutter's middle
+ALONG = 0.95                # cosine between a pass and the direction that a cutter leads toward
 RAMP_SHARE = 0.9            # of the steepest way into stock that the cutter stands
 
 
@@ -53,8 +54,11 @@ class TipLinkRules:
     standing: Callable | None = None        # function of places (n, 2) to (n,): the most that stands over the part about there;
                                             # None: as the allowance of `stock` says
     behind_rad: float | None = None     # slope against its pass at which a cutter that leads comes in from behind; None: it ramps
+    behind_toward: tuple | None = None      # unit, in plan, that it leads toward however it is fed: only passes that run so are
+                                            # entered from behind; None: all
     ramp_above_mm: float = 0.0      # ramps, and ways in from behind, end so high above their path, the rest goes straight down
     bearing: str | None = None      # see ordered_paths
+    keeps_order: bool = False       # paths are cut in the order and the direction in which they are given
     heights: Callable | None = None         # function of places (n, 2) to the heights (n,) that stand there; None: not known
     rapids: Dropper | None = None   # the same as `stock` with a rapid's clearance all round: down to there rapids go straight
                                     # up and down; None: to the approach height
@@ -83,7 +87,7 @@ def moves_of_tip_paths(paths, rules):
     if top > rules.clearance_z_mm:
         raise ToolpathError(f"a path reaches {top:.3f} mm, above the clearance height {rules.clearance_z_mm} mm: "
                             "raise the clearance")
-    order = ordered_paths(paths, rules.field, rules.surface_link_mm, rules.is_one_way, rules.bearing)
+    order = as_cut(paths, rules)
     ways = _surface_ways(order, rules)
     leads_in, leads_out = _leads(order, rules)
     writer = None
@@ -105,6 +109,12 @@ def moves_of_tip_paths(paths, rules):
         _along(writer, leads_out[-1], rules)
     _retract(writer, rules)
     return writer.moves()
+
+
+def as_cut(paths, rules):
+    """The same TipPaths in the order and the direction in which `moves_of_tip_paths` cuts them."""
+    return paths if rules.keeps_order else ordered_paths(
+        paths, rules.field, rules.surface_link_mm, rules.is_one_way, rules.bearing)
 
 
 def _along(writer, tips, rules):
@@ -236,7 +246,15 @@ def _from_behind(order, standing, ramps, rules):
         back = float(fixed.sin(rules.behind_rad)) * up - float(fixed.cos(rules.behind_rad)) * ahead
         ways.append(path.tips_mm[0] + length * share * back + (0.0, 0.0, rules.ramp_above_mm))
     clear = _are_clear(ways, rules)
-    return [way if high > MARGIN_MM and ok else other for way, high, ok, other in zip(ways, standing, clear, ramps)]
+    leads = [_leads_along(path.tips_mm, rules.behind_toward) for path in order]
+    return [way if high > MARGIN_MM and ok else other
+            for way, high, ok, other in zip(ways, standing, np.logical_and(clear, leads), ramps)]
+
+
+def _leads_along(tips_mm, toward):
+    """Whether a pass begins along a direction in plan; None: along any."""
+    ahead = (tips_mm[1] - tips_mm[0])[:2]
+    return toward is None or float((ahead * toward).sum()) > ALONG * float(fixed.length(ahead))
 
 
 def _tangent(first, second):

@@ -174,7 +174,7 @@ def heap_space():
 
 
 @njit(inline="always")
-def _push(boxes, order, count, slot):
+def push(boxes, order, count, slot):
     """Let a box sink into the heap of numbers `order`, largest bound on top."""
     i = count
     while i > 0:
@@ -187,7 +187,7 @@ def _push(boxes, order, count, slot):
 
 
 @njit(inline="always")
-def _pop(boxes, order, count):
+def pop(boxes, order, count):
     """Number of the box on top; the heap then holds count - 1."""
     best, last = order[0], order[count - 1]
     count -= 1
@@ -223,16 +223,16 @@ def depth_of_move(part, rest, start, end, R, rc, core, tolerance, given, count, 
                 continue
             ids[filled] = k
             boxes[filled, BOUND], boxes[filled, T_FROM], boxes[filled, T_TO] = bound, 0.0, 1.0
-            _push(boxes, order, live, filled)
+            push(boxes, order, live, filled)
             filled, live = filled + 1, live + 1
             continue                                    # all that is given first
         while live > 0:
             slot = order[0]
             bound = boxes[slot, BOUND]
-            if bound <= _settled(lower, tolerance) or filled + 2 > MOST_BOXES:      # the largest is good enough: all are
+            if bound <= settled(lower, tolerance) or filled + 2 > MOST_BOXES:      # the largest is good enough: all are
                 upper = max(upper, bound)
                 break
-            _pop(boxes, order, live)
+            pop(boxes, order, live)
             live -= 1
             k, t0, t1 = ids[slot], boxes[slot, T_FROM], boxes[slot, T_TO]
             si, ti, alpha, beta = boxes[slot, BOX_S], boxes[slot, BOX_T], boxes[slot, BOX_ALPHA], boxes[slot, BOX_BETA]
@@ -247,8 +247,8 @@ def depth_of_move(part, rest, start, end, R, rc, core, tolerance, given, count, 
                     lower, share[row] = depth, at[THETA]
                     put(place[row], point)
                 boxes[slot, BOUND] = bound
-                if bound > _settled(lower, tolerance):
-                    _push(boxes, order, live, slot)
+                if bound > settled(lower, tolerance):
+                    push(boxes, order, live, slot)
                     live += 1
                 else:
                     upper = max(upper, bound)
@@ -279,14 +279,14 @@ def depth_of_move(part, rest, start, end, R, rc, core, tolerance, given, count, 
                 if child >= 0:
                     _stretch(start, end, b[T_FROM], b[T_TO], tips, tip_box)
                     b[BOUND] = min(bound, node_depth(nodes, child, tips, 0, 1, tip_box, R, rc, core,
-                                                     _settled(lower, tolerance)))
+                                                     settled(lower, tolerance)))
                 else:
                     b[BOUND], depth = _look(part, -1 - child, start, end, b, R, rc, core, lower, heap)
                     if depth > lower:
                         lower, share[row] = depth, at[THETA]
                         put(place[row], point)
-                if b[BOUND] > _settled(lower, tolerance):
-                    _push(boxes, order, live, new)
+                if b[BOUND] > settled(lower, tolerance):
+                    push(boxes, order, live, new)
                     live += 1
                     if side == 0:
                         filled += 1
@@ -296,7 +296,7 @@ def depth_of_move(part, rest, start, end, R, rc, core, tolerance, given, count, 
 
 
 @njit(inline="always")
-def _settled(lower, tolerance):
+def settled(lower, tolerance):
     """What is bounded by this needs no closer look: clean, or close enough to the deepest point known."""
     return max(tolerance, lower + max(0.5 * tolerance, DEEP_SHARE * lower))
 

@@ -1,5 +1,7 @@
 """Moves over tip paths: nothing is gouged on the way, rapids stay high, lifts are few."""
 
+import dataclasses
+
 import cadquery as cq
 import numpy as np
 import pytest
@@ -253,3 +255,28 @@ def test_a_cutter_that_leads_comes_straight_down_onto_its_pass_from_behind(plain
     down = (moves.kind == 1) & (way[:, 2] < -1e-9) & (np.linalg.norm(way[:, :2], axis=1) > 1e-6) & (moves.end_mm[:, 2] > 5.0 - 1e-9)
     found = np.degrees(np.arctan2(-way[down, 2], np.linalg.norm(way[down, :2], axis=1)))
     assert down.sum() >= 6 and np.abs(found - 20.0).max() < 1e-6 and (way[down, 0] > 0).all()
+
+
+def test_a_cutter_that_leads_toward_one_side_comes_from_behind_where_it_is_fed_there_alone(plain):
+    """Fed the other way it trails: it comes down on a ramp along its pass, whose last stretch runs toward that side."""
+    field, slope = field_of(plain), np.radians(20.0)
+    moves = moves_of_tip_paths(lines_on(field), rules_of(
+        plain, field, steepest_rad=np.radians(10.0), surface_link_mm=0.0, hop_mm=0.0, behind_rad=slope, behind_toward=(1.0, 0.0)))
+    way = moves.end_mm - moves.starts_mm
+    level = np.linalg.norm(way[:, :2], axis=1)
+    down = (moves.kind == 1) & (way[:, 2] < -1e-9) & (level > 1e-6) & (moves.end_mm[:, 2] > 5.0 - 1e-9)
+    steep = down & (way[:, 2] < -level * np.tan(np.radians(10.0)))
+    cut = (moves.kind == 1) & (np.abs(way[:, 2]) < 1e-9) & (level > 1.0)
+    assert steep.sum() >= 6 and (way[steep, 0] > 0).all()
+    assert (way[cut, 0] > 0).any() and (way[cut, 0] < 0).any() and (down & ~steep).any()
+    last = np.flatnonzero(down & ~steep & np.roll(cut & (way[:, 0] < 0), -1))
+    assert len(last) and (way[last, 0] > 0).all()
+
+
+def test_paths_that_keep_their_order_are_cut_as_they_are_given(plain):
+    field = field_of(plain)
+    given = [dataclasses.replace(p, tips_mm=p.tips_mm[::-1]) for p in lines_on(field)[::-1]]
+    moves = moves_of_tip_paths(given, rules_of(plain, field, surface_link_mm=0.0, keeps_order=True))
+    firsts = [int(np.flatnonzero(np.abs(moves.end_mm - p.tips_mm[0]).max(axis=1) < 1e-9)[0]) for p in given]
+    lasts = [int(np.flatnonzero(np.abs(moves.end_mm - p.tips_mm[-1]).max(axis=1) < 1e-9)[0]) for p in given]
+    assert len(given) > 3 and all(a < b for a, b in zip(firsts, lasts)) and sorted(firsts) == firsts
