@@ -7,6 +7,7 @@ from cuspline.verification.reporter import MISSED, MISSED_MM2, allowed_mm
 from cuspline.verification.residuals import LIMIT_MM
 
 ROUND, OTHER = 0.95, 0.5    # most of a face's area: of fillets and hollows, and of others
+LEVEL = 0.5                 # cosine between a face's normal and the axis: below it the face is a wall
 
 
 def point_left_mm(holes, drills):
@@ -19,7 +20,7 @@ def point_left_mm(holes, drills):
     return {i: drill.point_height_mm for hole in holes for drill in drills if made(hole, drill) for i in hole.floor}
 
 
-def faces_not_cut(found, faces, ball_radius_mm, finish, left_mm):
+def faces_not_cut(found, faces, ball_radius_mm, finish, left_mm, axis, distance_mm):
     """What is not cut of such faces, in connected groups: [(k,) index into the samples].
 
     A fillet or an inner corner that comes out rounder than drawn is none: there a cutter went along both faces beside
@@ -28,7 +29,8 @@ def faces_not_cut(found, faces, ball_radius_mm, finish, left_mm):
     Args:
         found: residuals.Residuals of the faces after all setups.   faces: brep.Face values that its samples speak of.
         ball_radius_mm: smallest ball of the shop.   finish: design.Finish.
-        left_mm: {index of a face: what may stand of it}.
+        left_mm: {index of a face: what may stand of it}.   axis: (3,) the setup's Z.
+        distance_mm: function of points (n, 3) to their distances (n,) from all that is cut away.
     """
     samples, d = found.samples, found.deviation_mm
     missed = np.zeros(len(samples), bool)
@@ -39,6 +41,10 @@ def faces_not_cut(found, faces, ball_radius_mm, finish, left_mm):
             continue
         is_round = -face.middle.curvature_low_per_mm[0] * ball_radius_mm >= 1.0
         stands, share = (min(ball_radius_mm, LIMIT_MM), ROUND) if is_round else (MISSED * allowed_mm(finish), OTHER)
-        left = ~found.is_reachable[rows] & (d[rows] >= stands)
+        high = d[rows]
+        if not is_round and abs(float((face.middle.normal[0] * axis).sum())) < LEVEL:
+            # along its normal all of an inner corner that stays round stands; from what is cut that is no farther than its radius
+            high, stands = distance_mm(samples.points_mm[rows]), min(ball_radius_mm, LIMIT_MM)
+        left = ~found.is_reachable[rows] & (high >= stands)
         missed[rows[left]] = area[left].sum() >= share * area.sum()
     return found.groups(missed)

@@ -528,7 +528,8 @@ def _not_cut(part, c, found, tools):
     faces, used = _looked_at(part.solid).faces, set(c.program.posted.tool.tolist())
     left = point_left_mm(c.sampled.holes, [t.cutter for n, t in tools.items() if n in used and t.cutter.drills])
     return faces_not_cut(found, [faces[i] for i in c.required], part.ball_radius_mm, part.finish,
-                         {k: left[i] for k, i in enumerate(c.required) if i in left})
+                         {k: left[i] for k, i in enumerate(c.required) if i in left}, c.program.setup.frame.rotation[:, 2],
+                         part.piece.cut_distance_mm)
 
 
 def _idle(part, c, own, history, tools):

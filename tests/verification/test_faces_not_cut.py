@@ -40,8 +40,19 @@ def inside(n, p):
 def test_a_slot_narrower_than_every_cutter_is_told_with_its_area(width, depth):
     told, = verdict(slot(width, depth), inside).findings
     assert told.kind == "face_not_cut" and told.is_at_least
-    assert f"over {20 * (width + 2 * depth):.0f} mm²" in told.advice and "narrow enough" in told.advice
+    assert f"over {20 * width:.0f} mm²" in told.advice and "narrow enough" in told.advice
     assert abs(told.place_mm[1] - 8) < width / 2 + 1e-6 and told.place_mm[2] > 10 - depth - 1e-6
+
+
+@pytest.mark.parametrize("rise, told", [(2.5, []), (9.0, ["face_not_cut"])])
+def test_walls_of_a_narrow_slot_through_the_part_are_told_and_a_low_wall_with_a_round_foot_is_not(rise, told):
+    """The foot of a step stays round by the ball that runs along it; into a slot of 2 mm nothing comes."""
+    step = BLOCK.cut(cq.Workplane("XY", origin=(-1, 9, 10 - rise)).box(22, 9, 9, centered=False))
+    through = BLOCK.cut(cq.Workplane("XY", origin=(4, 7, -1)).box(12, 2, 12, centered=False))
+    wall = lambda n, p: abs(n[1]) > 0.5 and 0.1 < p[1] < 15.9
+    beside = np.arange(9 + BALL_MM, 19.1, 0.25)
+    found = (verdict(step, wall, radius=BALL_MM, ys=beside, z=10 - rise) if rise < 5 else verdict(through, wall)).findings
+    assert sorted({f.kind for f in found if f.kind == "face_not_cut"}) == told
 
 
 def test_a_hole_that_nothing_drills_is_told():

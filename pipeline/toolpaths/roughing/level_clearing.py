@@ -146,7 +146,7 @@ class _Job:
         inside = self._inside(level)
         for inset in INSETS:
             ground = self._ground(material, inside, inset * FIT_MM)
-            cut = LevelRuns(ground, self.grid, self.rules, self.writer, level, self.sure_stock, self.bored)
+            cut = LevelRuns(ground, self.grid, self.rules, self.writer, level, (self.sure_stock, self.bored))
             runs = cut.made()
             if all(self.writer.keeps_allowance(run, level) for run in runs):
                 break

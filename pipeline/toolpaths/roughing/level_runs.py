@@ -39,7 +39,7 @@ class Run:
 class LevelRuns:
     """Clears the ground of one level run by run; places in nodes unless their names say mm."""
 
-    def __init__(self, ground, grid, rules, writer, level, stock_mm, bored=()):
+    def __init__(self, ground, grid, rules, writer, level, stock):
         """Nothing cut yet.
 
         Args:
@@ -48,11 +48,10 @@ class LevelRuns:
             rules: ClearingRules.
             writer: ClearingWriter, asked how far a way may lead.
             level: height of the level, mm.
-            stock_mm: (ny, nx) heights that the stock may still have.
-            bored: (level, (centre x, centre y, radius)) of helices before, mm.
+            stock: (ny, nx) heights that it may still have, and (level, (centre x, centre y, radius)) of helices before, mm.
         """
         self.ground, self.grid, self.rules, self.writer, self.level = ground, grid, rules, writer, level
-        self.stock_mm, self.bored = stock_mm, bored
+        self.stock_mm, self.bored = stock
         self.most, self.left_mm2 = 0.0, 0.0
 
     def made(self):
