@@ -72,6 +72,11 @@ class SweptPath:
         return low + 2 * self.grown_mm + self.tool.cutter.flute_length_mm
 
     @cached_property
+    def lowest_end_mm(self):
+        """The lowest of `flutes_end_mm`."""
+        return self.flutes_end_mm.min(initial=np.inf)
+
+    @cached_property
     def ended(self):
         """PosedPath of the same moves: what the flutes alone sweep."""
         lines, of = chorded(self.geometry)
@@ -324,18 +329,19 @@ def _above_flutes(paths, places, piece):
         places: (n, 3) on the stock's surface, or in what is cut.   piece: (n,) that made them; MET: the one nearest to the place.
     """
     numbers = [k for k, p in enumerate(paths) if isinstance(p, SweptPath)]
-    lowest = min((paths[k].flutes_end_mm.min(initial=np.inf) for k in numbers), default=np.inf)
+    lowest = min((paths[k].lowest_end_mm for k in numbers), default=np.inf)
     high = np.flatnonzero(places[:, 2] > lowest + BESIDE_MM)
     if not len(high):
         return high, high
-    ends = np.concatenate([paths[k].flutes_end_mm for k in numbers])
     met = high[piece[high] == MET]
     piece = piece.copy()
     piece[met] = _nearest(paths, places[met])[1]
-    high = high[(piece[high] >= 0) & (piece[high] < len(ends))]
-    above = high[places[high, 2] > ends[piece[high]] + BESIDE_MM]
-    first = np.cumsum([len(paths[k].row) for k in numbers])
-    return np.array(numbers, int)[np.searchsorted(first, piece[above], side="right")], above
+    maker, above, first = [], [], 0
+    for k in numbers:
+        mine = high[(piece[high] >= first) & (piece[high] < first + len(paths[k].row))]
+        mine = mine[places[mine, 2] > paths[k].flutes_end_mm[piece[mine] - first] + BESIDE_MM]
+        maker, above, first = [*maker, np.full(len(mine), k)], [*above, mine], first + len(paths[k].row)
+    return np.concatenate(maker), np.concatenate(above)
 
 
 def stock_intervals(paths, stock_min, stock_max, origins_mm, directions):

@@ -16,7 +16,7 @@ of 56 numbers:
 
 A forest is a tuple of arrays that numba takes as one argument:
 
-    geometry (m, 14), nodes (k, 41), outlines (o, 10),
+    geometry (m, 14), nodes (k, 56), outlines (o, 10),
     trees (t, 6)   first node, first sub-step, sub-steps, leaves, first line of the outline, behind the last one
     grown (t,)     how far the cutter's surface lies out
     touches (m, 6) of contact_bounds.py

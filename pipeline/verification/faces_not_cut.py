@@ -36,15 +36,17 @@ def faces_not_cut(found, faces, ball_radius_mm, finish, left_mm, axis, distance_
     missed = np.zeros(len(samples), bool)
     for k, face in enumerate(faces):
         rows = np.flatnonzero((samples.face == k) & ~found.is_top)
-        area = samples.weight_mm2[rows]
-        if area.sum() < MISSED_MM2 or d[rows].max() <= left_mm.get(k, -np.inf) + allowed_mm(finish):
-            continue
+        area, off = samples.weight_mm2[rows].sum(), rows[~found.is_reachable[rows]]
         is_round = -face.middle.curvature_low_per_mm[0] * ball_radius_mm >= 1.0
-        stands, share = (min(ball_radius_mm, LIMIT_MM), ROUND) if is_round else (MISSED * allowed_mm(finish), OTHER)
-        high = d[rows]
-        if not is_round and abs(float((face.middle.normal[0] * axis).sum())) < LEVEL:
-            # along its normal all of an inner corner that stays round stands; from what is cut that is no farther than its radius
-            high, stands = distance_mm(samples.points_mm[rows]), min(ball_radius_mm, LIMIT_MM)
-        left = ~found.is_reachable[rows] & (high >= stands)
-        missed[rows[left]] = area[left].sum() >= share * area.sum()
+        least = (ROUND if is_round else OTHER) * area
+        if area < MISSED_MM2 or samples.weight_mm2[off].sum() < least:
+            continue
+        if d[rows].max() <= left_mm.get(k, -np.inf) + allowed_mm(finish):
+            continue
+        is_wall = abs(float((face.middle.normal[0] * axis).sum())) < LEVEL
+        # along a wall's normal all of an inner corner that stays round stands; from what is cut that is no farther than its radius
+        high = distance_mm(samples.points_mm[off]) if is_wall and not is_round else d[off]
+        stands = min(ball_radius_mm, LIMIT_MM) if is_wall or is_round else MISSED * allowed_mm(finish)
+        left = off[high >= stands]
+        missed[left] = samples.weight_mm2[left].sum() >= least
     return found.groups(missed)

@@ -253,10 +253,7 @@ def depth_of_substep(faces, body, g, i, tolerance, space, place):
             if side == 0:
                 put(boxes[new], boxes[slot])
                 ids[new] = k
-                lives = _halve(part, nodes, leaves, leaf_of, pieces, boxes[new], ids, new, side)
-            else:
-                lives = _halve(part, nodes, leaves, leaf_of, pieces, boxes[new], ids, new, side)
-            if not lives:
+            if not _halve(part, nodes, leaves, leaf_of, pieces, boxes[new], ids, new, side):
                 continue
             b = boxes[new]
             if ids[new] >= 0:
