@@ -129,7 +129,7 @@ def replay_leaning(posted, tools, stock, design, around, runs):
     for _, run in runs:
         if not np.isnan(run.least[2]) and run.least[:2].min() < least:
             least, place = float(run.least[:2].min()), report.place(run.least[2:])
-    geometry = pieces_of(posted, np.flatnonzero(known & posted.is_upright), False)
+    geometry = pieces_of(posted, np.flatnonzero(known & posted.is_upright))
     found = (*report.contacts(worst, around.fixtures),
              *report.not_proven(unsure & ~(worst[:LOW, :, 0] > 0).any(axis=0)), *report.states(top),
              *report.unknown_starts(highest, {}, machine), *report.travel(machine),

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from cuspline.program.program import Kind, Plane
+from cuspline.program.program import Kind
 from cuspline.replay.replay_kernel import LOW, RAPID
 from cuspline.replay.replay_loads import of_tools
 from cuspline.shop.kinematics import LINEARS
-from cuspline.stock.path_pieces import pieces_of
+from cuspline.stock.path_pieces import ARC, LEVEL_ARC, pieces_of
 from cuspline.values.amounts import counted
 from cuspline.values.findings import Finding
 
@@ -277,12 +277,11 @@ class Reporter:
         if not len(arcs):
             return low, high
         shift = posted.machine_end_mm - posted.end_mm
-        for is_flat, pick in ((False, posted.plane[arcs] != Plane.XY), (True, posted.plane[arcs] == Plane.XY)):
-            pieces = pieces_of(posted, arcs[pick], not is_flat)
-            for k in (0, 3):
-                points = pieces.geometry[:, k:k + 3] + shift[pieces.row]
-                np.minimum.at(low, pieces.row, points)
-                np.maximum.at(high, pieces.row, points)
+        pieces = pieces_of(posted, arcs, (ARC, LEVEL_ARC))
+        for k in (0, 3):
+            points = pieces.geometry[:, k:k + 3] + shift[pieces.row]
+            np.minimum.at(low, pieces.row, points)
+            np.maximum.at(high, pieces.row, points)
         return low, high
 
     def end(self):

@@ -30,7 +30,7 @@ from cuspline.replay.replay_stock import (
 )
 from cuspline.stock.distance_kernels import corner_distance
 from cuspline.stock.height_kernels import piece_height
-from cuspline.stock.path_pieces import IS_ARC, RADIUS, SIDE, X0, X1, Y0, Y1, Z0, Z1
+from cuspline.stock.path_pieces import FORM, RADIUS, SIDE, X0, X1, Y0, Y1, Z0, Z1
 from cuspline.stock.tree import CORNER_RADIUS, FLAT_RADIUS
 from cuspline.values.compiled import njit
 from cuspline.values.rows import HIGH_X, HIGH_Y, HIGH_Z, LOW_X, LOW_Y, X, Y, Z, put
@@ -53,8 +53,8 @@ ROW, CELL, HEIGHT = range(3)    # arrays of events
 def chord(g, out):
     """A piece as a straight line that lies nowhere above it."""
     put(out, g)
-    out[IS_ARC] = 0.0
-    if g[IS_ARC] != 0.0 and g[SIDE] < 0.0:
+    out[FORM] = 0.0
+    if g[FORM] != 0.0 and g[SIDE] < 0.0:
         dx, dy, dz = g[X1] - g[X0], g[Y1] - g[Y0], g[Z1] - g[Z0]
         half = 0.25 * (dx * dx + dy * dy + dz * dz)
         sagitta = g[RADIUS] - math.sqrt(max(g[RADIUS] * g[RADIUS] - half, 0.0))

@@ -12,7 +12,7 @@ import numpy as np
 
 from cuspline.replay.clearance_kernels import BOTTOM, BOTTOM_RADIUS, GROW, TOP_RADIUS, swept_distance
 from cuspline.stock.height_kernels import piece_height
-from cuspline.stock.path_pieces import CENTER_U, CENTER_Z, IN_YZ, IS_ARC, RADIUS, SIDE, X0, X1, Y0, Y1, Z0, Z1
+from cuspline.stock.path_pieces import CENTER_U, CENTER_V, FORM, IN_YZ, RADIUS, SIDE, X0, X1, Y0, Y1, Z0, Z1
 from cuspline.stock.tree import CORNER_RADIUS, FLAT_RADIUS
 from cuspline.values.compiled import njit
 from cuspline.values.rows import FROM, TO, X_HIGH, X_LOW, Y_HIGH, Y_LOW, X, Y, Z
@@ -53,7 +53,7 @@ def worth_less(attained):
 @njit
 def bulge(g):
     """How much higher inside a cell than at its corners an arc above its centre can leave the stock; 0 for others."""
-    if g[IS_ARC] == 0.0 or g[SIDE] < 0.0:
+    if g[FORM] == 0.0 or g[SIDE] < 0.0:
         return 0.0
     dx, dy, dz = g[X1] - g[X0], g[Y1] - g[Y0], g[Z1] - g[Z0]
     return g[RADIUS] - math.sqrt(max(g[RADIUS] * g[RADIUS] - 0.25 * (dx * dx + dy * dy + dz * dz), 0.0))
@@ -75,14 +75,14 @@ def _standing(x, y, g):
     """Tip on an arc above its centre that stands still where the arc is lowest over (x, y), to first order."""
     k = int(g[IN_YZ])
     u = min(max(x if k == 0 else y, g[k]), g[X1 + k])
-    z = g[CENTER_Z] + math.sqrt(max(g[RADIUS] * g[RADIUS] - (u - g[CENTER_U]) * (u - g[CENTER_U]), 0.0))
+    z = g[CENTER_V] + math.sqrt(max(g[RADIUS] * g[RADIUS] - (u - g[CENTER_U]) * (u - g[CENTER_U]), 0.0))
     return (u, g[Y0], z) if k == 0 else (g[X0], u, z)
 
 
 @njit
 def _covered(x, y, hx, hy, g, a, rc, spare):
     """No point of the rectangle keeps more height than this after the piece; inf: not all of it is passed over."""
-    if g[IS_ARC] != 0.0 and g[SIDE] > 0.0:
+    if g[FORM] != 0.0 and g[SIDE] > 0.0:
         spare[:] = 0.0
         spare[X0], spare[Y0], spare[Z0] = _standing(x, y, g)
         spare[X1], spare[Y1], spare[Z1] = spare[X0], spare[Y0], spare[Z0]

@@ -12,7 +12,7 @@ The distance is negative inside, 1-Lipschitz, and its sign is exact.  All length
 
 import math
 
-from cuspline.stock.path_pieces import CENTER_U, CENTER_Z, IN_YZ, IS_ARC, RADIUS, SIDE, X0, X1, Y0, Y1, Z0, Z1
+from cuspline.stock.path_pieces import CENTER_U, CENTER_V, FORM, IN_YZ, LEVEL_ARC, LINE, RADIUS, SIDE, X0, X1, Y0, Y1, Z0, Z1
 from cuspline.values.compiled import njit
 
 VERTICAL_MM = 1e-9        # a move shorter than this from above is a plunge
@@ -102,7 +102,7 @@ def _ball_on_arc(px, py, pz, g, r):
     k = int(g[IN_YZ])
     u, q = (px, py - g[Y0]) if k == 0 else (py, px - g[X0])
     u0, u1 = g[k], g[X1 + k]
-    v, du = pz - r - g[CENTER_Z], u - g[CENTER_U]
+    v, du = pz - r - g[CENTER_V], u - g[CENTER_U]
     if u0 <= u <= u1:
         edge = g[SIDE] * math.sqrt(max(g[RADIUS] * g[RADIUS] - du * du, 0.0))
         if v >= edge:
@@ -118,9 +118,21 @@ def _ball_on_arc(px, py, pz, g, r):
 
 
 @njit
+def _beside_level_arc(px, py, g):
+    """Seen from above, distance of a point to a level arc."""
+    x, y = px - g[CENTER_U], py - g[CENTER_V]
+    x0, y0, x1, y1 = g[X0] - g[CENTER_U], g[Y0] - g[CENTER_V], g[X1] - g[CENTER_U], g[Y1] - g[CENTER_V]
+    if x0 * y - y0 * x >= 0.0 and x * y1 - y * x1 >= 0.0:
+        return abs(math.sqrt(x * x + y * y) - g[RADIUS])
+    return math.sqrt(min((x - x0) * (x - x0) + (y - y0) * (y - y0), (x - x1) * (x - x1) + (y - y1) * (y - y1)))
+
+
+@njit
 def piece_distance(px, py, pz, g, a, rc):
     """Signed distance of a point to what the cutter (a, rc) sweeps along one piece, mm."""
-    if g[IS_ARC] != 0.0:
+    if g[FORM] != LINE:
+        if g[FORM] == LEVEL_ARC:
+            return corner_distance(_beside_level_arc(px, py, g) - a, g[Z0] + rc - pz) - rc
         return _ball_on_arc(px, py, pz, g, rc)
     dx, dy = g[X1] - g[X0], g[Y1] - g[Y0]
     square = dx * dx + dy * dy

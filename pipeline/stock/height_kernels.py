@@ -10,7 +10,7 @@ and the piece leaves min over its positions of z + p(d).  Lengths in mm; inf: ne
 import math
 
 from cuspline.stock.distance_kernels import VERTICAL_MM
-from cuspline.stock.path_pieces import CENTER_U, CENTER_Z, IN_YZ, IS_ARC, RADIUS, SIDE, X0, X1, Y0, Y1, Z0, Z1
+from cuspline.stock.path_pieces import CENTER_U, CENTER_V, FORM, IN_YZ, LEVEL_ARC, LINE, RADIUS, SIDE, X0, X1, Y0, Y1, Z0, Z1
 from cuspline.values.compiled import njit
 
 SLACK_MM = 1e-10          # what rounding may put on a bound: taken off, but where a bound is exact (the flat of a bottom)
@@ -107,14 +107,27 @@ def _arc_height(x, y, g, r):
         best = min(best, g[Z1] + r - math.sqrt(w * w - (s - u1) * (s - u1)))
     envelope = rho + w if g[SIDE] < 0.0 else rho - w
     if envelope > 0.0 and abs(ds) <= envelope and u0 <= g[CENTER_U] + ds * rho / envelope <= u1:
-        best = min(best, g[CENTER_Z] + r + g[SIDE] * math.sqrt(envelope * envelope - ds * ds))
+        best = min(best, g[CENTER_V] + r + g[SIDE] * math.sqrt(envelope * envelope - ds * ds))
     return best
+
+
+@njit
+def _level_arc_height(x, y, g, a, rc):
+    """The cutter stands where the arc is nearest: towards its middle by no less than its ends are, or at one of these."""
+    u, v, rho = x - g[CENTER_U], y - g[CENTER_V], g[RADIUS]
+    mu, mv = 0.5 * (g[X0] + g[X1]) - g[CENTER_U], 0.5 * (g[Y0] + g[Y1]) - g[CENTER_V]
+    far = math.sqrt(u * u + v * v)
+    if far > 0.0 and (u * mu + v * mv) * rho >= (mu * mu + mv * mv) * far:
+        return _at(x, y, g[CENTER_U] + u * rho / far, g[CENTER_V] + v * rho / far, g[Z0], a, rc)
+    return min(_at(x, y, g[X0], g[Y0], g[Z0], a, rc), _at(x, y, g[X1], g[Y1], g[Z0], a, rc))
 
 
 @njit
 def piece_height(x, y, g, a, rc):
     """Lowest z of the cutter's bottom over (x, y) along one piece; inf where it never passes, mm."""
-    if g[IS_ARC] != 0.0:
+    if g[FORM] != LINE:
+        if g[FORM] == LEVEL_ARC:
+            return _level_arc_height(x, y, g, a, rc)
         return _arc_height(x, y, g, rc)
     return _line_height(x, y, g, a, rc)
 

@@ -1,14 +1,15 @@
-"""Posted moves broken into the pieces that the kernels understand: straight lines and arcs of a quarter turn.
+"""Posted moves broken into the pieces that the kernels understand: straight lines and short arcs.
 
 A piece is a row of twelve numbers, cutter tip in the WCS, mm:
 
-    X0 Y0 Z0, X1 Y1 Z1          both ends (arcs: ordered so that u grows)
+    X0 Y0 Z0, X1 Y1 Z1          both ends (arcs: ordered so that u grows; level arcs: counter-clockwise)
     IN_YZ                       arcs: 0 when the horizontal axis u of their plane is x (G18), 1 when it is y (G19)
-    CENTER_U, CENTER_Z, RADIUS  arcs
-    SIDE                       arcs: +1 above their centre, -1 below it
-    IS_ARC                      0 line, 1 arc
+    CENTER_U, CENTER_V, RADIUS  arcs: v is z; level arcs: u is x, v is y
+    SIDE                        arcs: +1 above their centre, -1 below it
+    FORM                        LINE; ARC in a vertical plane; LEVEL_ARC at one height
 
-Only arcs of a ball in a vertical plane stay arcs.  All others become chords.
+Which arcs stay arcs, the caller says: a ball's can in a vertical plane, every upright cutter's at one height.  No piece of an arc
+is longer than ARC_ANGLE_RAD or leads past a quarter of its circle.  All others become chords.
 """
 
 from dataclasses import dataclass
@@ -23,8 +24,8 @@ from cuspline.values.errors import SimulationError
 SAGITTA_MM = 2e-5         # chords of arcs that cannot stay arcs; also half the radius step of a spiral's pieces
 ARC_ANGLE_RAD = np.pi / 12    # longest arc piece: keeps the bounding planes of the tree tight
 QUARTER = np.pi / 2
-X0, Y0, Z0, X1, Y1, Z1, IN_YZ, CENTER_U, CENTER_Z, RADIUS, SIDE, IS_ARC = range(12)
-LINE, ARC = 0.0, 1.0
+X0, Y0, Z0, X1, Y1, Z1, IN_YZ, CENTER_U, CENTER_V, RADIUS, SIDE, FORM = range(12)
+LINE, ARC, LEVEL_ARC = 0.0, 1.0, 2.0
 MOST_PARTS = 4096         # of one straight move: longer ones lead out of every machine, and need no tight boxes
 MOST_CHORDS = 1_000_000   # of one arc: more are turns on the spot, or a slip of the pen
 
@@ -45,13 +46,13 @@ class Pieces:
         return len(self.row)
 
 
-def pieces_of(posted, rows, is_ball, longest_mm=np.inf, deepest_mm=np.inf):
+def pieces_of(posted, rows, kept=(), longest_mm=np.inf, deepest_mm=np.inf):
     """Pieces of the given moves, in order.
 
     Args:
         posted: PostedMoves.
         rows: (k,) rows with known start and end, growing.
-        is_ball: whether arcs in vertical planes may stay arcs.
+        kept: forms besides LINE that may come out: ARC, LEVEL_ARC.
         longest_mm: lines and arcs are split so that no piece is longer, seen from above.
         deepest_mm: lines are split so that no piece drops by more.
     Raises:
@@ -63,7 +64,7 @@ def pieces_of(posted, rows, is_ball, longest_mm=np.inf, deepest_mm=np.inf):
         geometry, row, error = _lines(posted.start_mm[rows], posted.end_mm[rows], rows, longest_mm, deepest_mm)
         return Pieces(geometry=geometry, row=row, error_mm=error)
     arcs = Arcs(posted, rows[~is_line])
-    exact = is_ball & (arcs.plane != Plane.XY) & (np.abs(arcs.rise) < 1e-9)
+    exact = np.isin(np.where(arcs.plane == Plane.XY, LEVEL_ARC, ARC), kept) & (np.abs(arcs.rise) < 1e-9)
     parts = [_lines(posted.start_mm[rows[is_line]], posted.end_mm[rows[is_line]], rows[is_line],
                     longest_mm, deepest_mm),
              _chords(arcs.only(~exact), longest_mm, deepest_mm),
@@ -125,10 +126,11 @@ class Arcs:
 
 def chorded(geometry):
     """Pieces (k, 12) with arcs broken into chords whose sagitta stays below SAGITTA_MM, and the row (k,) of `geometry` of each."""
-    is_arc, in_zx = geometry[:, IS_ARC] != LINE, geometry[:, IN_YZ] == 0
-    centre_u, centre_z, radius = geometry[:, CENTER_U], geometry[:, CENTER_Z], np.where(is_arc, geometry[:, RADIUS], 1.0)
-    along = lambda end: np.where(in_zx, geometry[:, end], geometry[:, end + 1]) - centre_u
-    first, last = (fixed.arctan2(geometry[:, end + 2] - centre_z, along(end)) for end in (X0, X1))
+    is_arc, m = geometry[:, FORM] != LINE, np.arange(len(geometry))
+    u = np.where(geometry[:, IN_YZ] == 0, X0, Y0)
+    v = np.where(geometry[:, FORM] == LEVEL_ARC, Y0, Z0)
+    centre_u, centre_v, radius = geometry[:, CENTER_U], geometry[:, CENTER_V], np.where(is_arc, geometry[:, RADIUS], 1.0)
+    first, last = (fixed.arctan2(geometry[m, end + v] - centre_v, geometry[m, end + u] - centre_u) for end in (X0, X1))
     turn = np.where(is_arc, (last - first + np.pi) % (2 * np.pi) - np.pi, 0.0)
     counts = part_counts(np.abs(turn), 2 * fixed.arccos(1 - np.minimum(SAGITTA_MM / radius, 0.5)))
     whole, part = repeated_parts(counts)
@@ -136,11 +138,20 @@ def chorded(geometry):
 
     def tips(k):
         angle = first[whole] + k / of * turn[whole]
-        u = centre_u[whole] + radius[whole] * fixed.cos(angle)
-        between = np.column_stack([np.where(in_zx[whole], u, own[:, X0]), np.where(in_zx[whole], own[:, Y0], u),
-                                   centre_z[whole] + radius[whole] * fixed.sin(angle)])
+        between, n = own[:, :X1].copy(), np.arange(len(own))
+        between[n, u[whole]] = centre_u[whole] + radius[whole] * fixed.cos(angle)
+        between[n, v[whole]] = centre_v[whole] + radius[whole] * fixed.sin(angle)
         return np.where((k == 0)[:, None], own[:, :X1], np.where((k == of)[:, None], own[:, X1:IN_YZ], between))
     return np.column_stack([tips(part), tips(part + 1), np.zeros((len(whole), 6))]), whole
+
+
+def middles(geometry):
+    """(k, 3) middles of lines and level arcs (k, 12)."""
+    middle, is_level = (geometry[:, :X1] + geometry[:, X1:IN_YZ]) / 2, geometry[:, FORM] == LEVEL_ARC
+    arcs = geometry[is_level]
+    out = middle[is_level, :Z0] - arcs[:, CENTER_U:RADIUS]
+    middle[is_level, :Z0] = arcs[:, CENTER_U:RADIUS] + out * (arcs[:, RADIUS] / fixed.hypot(*out.T))[:, None]
+    return middle
 
 
 def repeated_parts(counts):
@@ -191,7 +202,7 @@ def _chords(arcs, longest_mm, deepest_mm):
 
 
 def _quarters(arcs, longest_mm):
-    """Arcs in vertical planes as circular pieces within one quarter turn each."""
+    """Arcs at one height, or in vertical planes, as circular pieces within one quarter of their circle each."""
     if not len(arcs):
         return np.zeros((0, 12)), np.zeros(0, np.int64), 0.0
     low, high = np.minimum(arcs.angle0, arcs.angle1), np.maximum(arcs.angle0, arcs.angle1)
@@ -217,21 +228,21 @@ def _arc_rows(arcs, arc, a0, a1):
     """Rows of arc pieces between two angles, with the mean radius of the spiral there."""
     share = ((a0 + a1) / 2 - arcs.angle0[arc]) / (arcs.angle1 - arcs.angle0)[arc]
     radius = arcs.radius0[arc] + share * (arcs.radius1 - arcs.radius0)[arc]
-    is_zx = arcs.plane[arc] == Plane.ZX
+    is_zx, is_xy = arcs.plane[arc] == Plane.ZX, arcs.plane[arc] == Plane.XY
     u_of = lambda a: np.where(is_zx, fixed.sin(a), fixed.cos(a))
-    z_of = lambda a: np.where(is_zx, fixed.cos(a), fixed.sin(a))
+    v_of = lambda a: np.where(is_zx, fixed.cos(a), fixed.sin(a))
     center_u = np.where(is_zx, arcs.center[arc, 1], arcs.center[arc, 0])
-    center_z = np.where(is_zx, arcs.center[arc, 0], arcs.center[arc, 1])
-    swap = u_of(a0) > u_of(a1)
+    center_v = np.where(is_zx, arcs.center[arc, 0], arcs.center[arc, 1])
+    swap = (u_of(a0) > u_of(a1)) & ~is_xy
     a0, a1 = np.where(swap, a1, a0), np.where(swap, a0, a1)
     geometry = np.zeros((len(arc), 12))
-    for column, a in ((0, a0), (3, a1)):
-        u = center_u + radius * u_of(a)
-        geometry[:, column] = np.where(is_zx, u, arcs.level[arc])
-        geometry[:, column + 1] = np.where(is_zx, arcs.level[arc], u)
-        geometry[:, column + 2] = center_z + radius * z_of(a)
-    geometry[:, 6] = np.where(is_zx, 0.0, 1.0)
-    geometry[:, 7], geometry[:, 8], geometry[:, 9] = center_u, center_z, radius
-    geometry[:, 10] = np.where(z_of((a0 + a1) / 2) > 0, 1.0, -1.0)
-    geometry[:, 11] = ARC
+    for end, a in ((X0, a0), (X1, a1)):
+        u, v = center_u + radius * u_of(a), center_v + radius * v_of(a)
+        geometry[:, end] = np.where(is_zx | is_xy, u, arcs.level[arc])
+        geometry[:, end + 1] = np.where(is_xy, v, np.where(is_zx, arcs.level[arc], u))
+        geometry[:, end + 2] = np.where(is_xy, arcs.level[arc], v)
+    geometry[:, IN_YZ] = arcs.plane[arc] == Plane.YZ
+    geometry[:, CENTER_U], geometry[:, CENTER_V], geometry[:, RADIUS] = center_u, center_v, radius
+    geometry[:, SIDE] = np.where(is_xy, 0.0, np.where(v_of((a0 + a1) / 2) > 0, 1.0, -1.0))
+    geometry[:, FORM] = np.where(is_xy, LEVEL_ARC, ARC)
     return geometry

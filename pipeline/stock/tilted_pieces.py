@@ -54,7 +54,7 @@ def posed_pieces(posted, rows, longest_mm, reach_mm, turn_error_mm=TURN_ERROR_MM
         SimulationError: an axis that turns half round, so that the way there is open; a bad arc; `.rows`.
     """
     turn = _turns_rad(posted, np.asarray(rows, dtype=np.int64))
-    chords = pieces_of(posted, rows, False, longest_mm)
+    chords = pieces_of(posted, rows, longest_mm=longest_mm)
     start, way = chords.geometry[:, :3], chords.geometry[:, 3:6] - chords.geometry[:, :3]
     share0, share1 = _shares(chords.row, np.sqrt((way ** 2).sum(axis=1)))
     angle = (share1 - share0) * turn[chords.row]

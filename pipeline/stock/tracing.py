@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from cuspline.stock.distance_kernels import child_distances, piece_distance
-from cuspline.stock.path_pieces import IS_ARC, SIDE
+from cuspline.stock.path_pieces import FORM, LEVEL_ARC, LINE, SIDE
 from cuspline.stock.tree import (
     CHUNK,
     CORNER_RADIUS,
@@ -50,14 +50,20 @@ def box_crossings(p, n, low, high):
     return enter, leave
 
 
+@njit
+def _is_convex(g):
+    """Whether a convex cutter sweeps a convex volume along a piece: a line, or an arc that hangs down."""
+    return g[FORM] == LINE or g[FORM] != LEVEL_ARC and g[SIDE] < 0.0
+
+
 @njit(error_model="numpy")
 def _entry(p, n, d, limit, g, a, rc):
     """Where a ray enters what one piece sweeps, from a point at distance d > 0 outside it; `limit` if not before.
 
-    Along a line and along an arc that hangs down a convex cutter sweeps a convex volume, so the distance is convex along
-    the ray: its secant through two places before the entry meets zero no later than it does, and never steps over.
+    In a convex volume the distance is convex along the ray: its secant through two places before the entry meets zero no
+    later than it does, and never steps over.
     """
-    if g[IS_ARC] != 0.0 and g[SIDE] > 0.0:
+    if not _is_convex(g):
         return _entry_by_steps(p, n, d, limit, g, a, rc)
     before, f_before, t = 0.0, d, d
     for _ in range(60):
@@ -78,7 +84,7 @@ def _entry(p, n, d, limit, g, a, rc):
 
 @njit
 def _entry_by_steps(p, n, d, limit, g, a, rc):
-    """As `_entry`, past the back of an arc: by steps as long as the distance."""
+    """As `_entry`, past the back of an arc or the inner side of a level one: by steps as long as the distance."""
     t = d
     for step in range(PATIENT_STEPS * 4):
         if t >= limit:
@@ -155,6 +161,8 @@ def _exit(p, n, start, limit, forest, piece, stack, bounds):
 @njit
 def _leave(p, n, t, d, limit, g, a, rc):
     """Where the ray back from depth t, at distance d < 0 within one piece, leaves it: bracketed, then halved and by secants."""
+    if not _is_convex(g):
+        return _leave_by_steps(p, n, t, d, limit, g, a, rc)
     lo, f_lo, step = t, d, -2.0 * d
     hi = f_hi = 0.0
     while True:
@@ -176,6 +184,17 @@ def _leave(p, n, t, d, limit, g, a, rc):
         else:
             lo, f_lo = middle, f
     return hi
+
+
+@njit
+def _leave_by_steps(p, n, t, d, limit, g, a, rc):
+    """As `_leave`, where the ray may leave more than once: by steps as long as it is deep."""
+    start, step = t, 0
+    while d < -SETTLED_MM and t < limit:
+        t += -d if step < PATIENT_STEPS else max(-d, GRAZING * (t - start) + 1e-6)
+        d = piece_distance(p[X] - t * n[X], p[Y] - t * n[Y], p[Z] - t * n[Z], g, a, rc)
+        step += 1
+    return min(t, limit)
 
 
 @njit

@@ -22,7 +22,7 @@ import numpy as np
 
 from cuspline.stock.distance_kernels import child_distances, piece_distance
 from cuspline.stock.height_kernels import child_heights, piece_height
-from cuspline.stock.path_pieces import CENTER_U, CENTER_Z, IN_YZ, IS_ARC, RADIUS, SIDE, X0, X1, Y0, Y1, Z0, Z1
+from cuspline.stock.path_pieces import ARC, CENTER_U, CENTER_V, FORM, IN_YZ, LEVEL_ARC, RADIUS, SIDE, X0, X1, Y0, Y1, Z0, Z1
 from cuspline.values.compiled import njit
 from cuspline.values.rows import X_HIGH, X_LOW, Y_HIGH, Y_LOW, X, Y, Z
 from cuspline.values.threads import in_blocks
@@ -159,14 +159,19 @@ def build_blocks(geometry):
 def _lowest_over_plane(g, sx, sy):
     """Least z - sx x - sy y over a piece."""
     best = min(g[Z0] - sx * g[X0] - sy * g[Y0], g[Z1] - sx * g[X1] - sy * g[Y1])
-    if g[IS_ARC] != 0.0 and g[SIDE] < 0.0:                      # the belly of an arc that hangs down
+    if g[FORM] == LEVEL_ARC:                                         # its place farthest up the slope
+        s = math.sqrt(sx * sx + sy * sy)
+        if ((g[X0] - g[CENTER_U]) * sy - (g[Y0] - g[CENTER_V]) * sx >= 0.0
+                and sx * (g[Y1] - g[CENTER_V]) - sy * (g[X1] - g[CENTER_U]) >= 0.0):
+            best = min(best, g[Z0] - sx * g[CENTER_U] - sy * g[CENTER_V] - s * g[RADIUS])
+    elif g[FORM] == ARC and g[SIDE] < 0.0:                      # the belly of an arc that hangs down
         s = sx if g[IN_YZ] == 0.0 else sy
         root = math.sqrt(1.0 + s * s)
         k = int(g[IN_YZ])
         touch = g[CENTER_U] + g[RADIUS] * s / root
         if g[k] < touch < g[X1 + k]:
             fixed = sy * g[Y0] if k == 0 else sx * g[X0]
-            best = min(best, g[CENTER_Z] - s * g[CENTER_U] - g[RADIUS] * root - fixed)
+            best = min(best, g[CENTER_V] - s * g[CENTER_U] - g[RADIUS] * root - fixed)
     return best
 
 

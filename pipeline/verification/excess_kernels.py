@@ -1,7 +1,8 @@
 """Cells of a face, moved out by a height, proven to lie in what was cut, or halved: see excess_proof.py.
 
-A piece of path sweeps a convex volume; of an arc that bulges upward its tangent is taken, which sweeps less.  So does a
-sub-step of any convex cutter whose axis keeps its direction (stock/outlines.py); both kinds come in one world (stock/rays.py).
+A piece of path sweeps a convex volume; of an arc that bulges upward its tangent is taken, which sweeps less; for a level
+one stands a line beside it, and how far it may be off is added.  So does a sub-step of any convex cutter whose axis keeps its
+direction (stock/outlines.py); both kinds come in one world (stock/rays.py).
 Signed distance to a convex volume is convex: over a parallelogram it is largest in a corner, and so is every weighted
 mean of several such distances.  What a cutter sweeps whose axis turns is convex but for a little, which is added in
 the corners (`_bulge`).  A mean that is nowhere positive has no point outside all of the volumes:
@@ -17,7 +18,7 @@ import math
 import numpy as np
 
 from cuspline.stock.distance_kernels import piece_distance
-from cuspline.stock.path_pieces import CENTER_U, CENTER_Z, IN_YZ, IS_ARC, RADIUS, SIDE, X1, Z0, Z1
+from cuspline.stock.path_pieces import CENTER_U, CENTER_V, FORM, IN_YZ, LEVEL_ARC, LINE, RADIUS, SIDE, X0, X1, Y0, Y1, Z0, Z1
 from cuspline.stock.rays import UPRIGHT_ARRAYS, nearest, scratch
 from cuspline.stock.tilted_pieces import LENGTH, TIP, TURN, UNEVEN, WAY
 from cuspline.stock.tilted_tree import one_distance
@@ -46,26 +47,58 @@ DEEPEST = 48              # halvings
 JUNG = 0.62               # of a set's width, that its points stray from their mean at most (sqrt(3/8))
 STEEP = 0.05              # an arc whose tangent is steeper than 1 in this is taken for the one place that is nearest
 GEOMETRY = 0              # of `world`, and of a forest in it: rows of the pieces
+MORE = 12                 # of a line that stands for a piece, behind its own numbers: how far the piece may be beyond it, mm
 
 
 @njit
-def _straightened(g, rc, px, py, pz, out):
-    """A piece of path for which a distance is convex: the piece, or a tangent of an arc that bulges upward."""
+def _beside_level_arc(g, px, py, reach, out):
+    r"""A line between a level arc's chord and its tangent next to a place, long enough for what lies within `reach` of it.
+
+        ____tangent____            chord and tangent lie h and 0 within the arc: the line between them is off it by h/2
+       /     line      \           at most, on both sides
+      arc____chord_____
+    """
+    x, y, r = px - g[CENTER_U], py - g[CENTER_V], g[RADIUS]
+    x0, y0, x1, y1 = g[X0] - g[CENTER_U], g[Y0] - g[CENTER_V], g[X1] - g[CENTER_U], g[Y1] - g[CENTER_V]
+    if x0 * y - y0 * x < 0.0 or x * y1 - y * x1 < 0.0:
+        x, y = (x0, y0) if (x - x0) ** 2 + (y - y0) ** 2 < (x - x1) ** 2 + (y - y1) ** 2 else (x1, y1)
+    far = math.sqrt(x * x + y * y)
+    x, y = (x / far, y / far) if far > 0.0 else (x0 / r, y0 / r)
+    half = r * reach / max(far - reach, reach)
+    back, ahead = max(x * y0 - y * x0, -half), min(x * y1 - y * x1, half)
+    most = max(-back, ahead)
+    low = r - most * most / (4.0 * r)
+    back, ahead = back * low / r, ahead * low / r              # its ends point where the arc still goes
+    out[X0], out[Y0] = g[CENTER_U] + low * x - back * y, g[CENTER_V] + low * y + back * x
+    out[X1], out[Y1] = g[CENTER_U] + low * x - ahead * y, g[CENTER_V] + low * y + ahead * x
+    out[FORM], out[MORE] = LINE, max(r - low, math.sqrt(low * low + most * most) - r)
+
+
+@njit
+def _straightened(g, rc, px, py, pz, reach, out):
+    """A piece of path for which a distance is convex: the piece, a tangent of an arc that bulges upward, a line beside a level one.
+
+    It serves for what lies within `reach` of the place, and farther away by more.
+    """
     put(out, g)
-    if g[IS_ARC] == 0.0 or g[SIDE] < 0.0:
+    out[MORE] = 0.0
+    if g[FORM] == LEVEL_ARC:
+        _beside_level_arc(g, px, py, reach, out)
+        return
+    if g[FORM] == LINE or g[SIDE] < 0.0:
         return
     k = int(g[IN_YZ])
-    du, dv = (px if k == 0 else py) - g[CENTER_U], max(pz - rc - g[CENTER_Z], 0.0)
+    du, dv = (px if k == 0 else py) - g[CENTER_U], max(pz - rc - g[CENTER_V], 0.0)
     rho = math.sqrt(du * du + dv * dv)
     u = min(max(g[CENTER_U] + (du * g[RADIUS] / rho if rho > 0.0 else 0.0), g[k]), g[X1 + k])
     rise = math.sqrt(max(g[RADIUS] * g[RADIUS] - (u - g[CENTER_U]) * (u - g[CENTER_U]), 0.0))
-    out[IS_ARC] = 0.0
+    out[FORM] = LINE
     if rise < STEEP * g[RADIUS]:
         out[k], out[X1 + k] = u, u
-        out[Z0], out[Z1] = g[CENTER_Z] + rise, g[CENTER_Z] + rise
+        out[Z0], out[Z1] = g[CENTER_V] + rise, g[CENTER_V] + rise
         return
     slope = (g[CENTER_U] - u) / rise
-    out[Z0], out[Z1] = g[CENTER_Z] + rise + slope * (g[k] - u), g[CENTER_Z] + rise + slope * (g[X1 + k] - u)
+    out[Z0], out[Z1] = g[CENTER_V] + rise + slope * (g[k] - u), g[CENTER_V] + rise + slope * (g[X1 + k] - u)
 
 
 @njit
@@ -88,7 +121,7 @@ def _convex_distance(x, y, z, piece, line, tool, world, search):
     """Convex distance to a piece: of the `line` that stands for it, or of the sub-step that it is."""
     behind = len(world[GEOMETRY])
     if piece < behind:
-        return piece_distance(x, y, z, line, tool[FLAT_RADIUS], tool[CORNER_RADIUS])
+        return piece_distance(x, y, z, line, tool[FLAT_RADIUS], tool[CORNER_RADIUS]) + line[MORE]
     return one_distance(x, y, z, piece - behind, world[UPRIGHT_ARRAYS:], math.inf, search[2])[0]
 
 
@@ -132,27 +165,24 @@ def _posed_corners(x, y, z, cell, piece, world, search, out):
 
 
 @njit
-def _made_convex(piece, x, y, z, world, line):
+def _made_convex(piece, x, y, z, reach, world, line):
     """Radii of the tool of an upright piece, and what stands for it near a place into line; zeros for others."""
     geometry, tools = world[GEOMETRY], world[3]
     if piece >= len(geometry):
         return np.zeros(2)
     tool = tools[tree_of(piece, world[2])]
-    _straightened(geometry[piece], tool[CORNER_RADIUS], x, y, z, line)
+    _straightened(geometry[piece], tool[CORNER_RADIUS], x, y, z, reach, line)
     return tool
 
 
 @njit
 def _corner_distances(cell, near, world, search, line, corners):
     """Distances of a cell's four corners to the pieces remembered that reach into it: (NEAR, 4) filled, how many."""
-    reach, count = 0.0, 0
+    reach, count = _half_side(cell, SIDE_S) + _half_side(cell, SIDE_T), 0
     x, y, z = cell[MIDDLE + X] + cell[SHIFT + X], cell[MIDDLE + Y] + cell[SHIFT + Y], cell[MIDDLE + Z] + cell[SHIFT + Z]
-    for i in range(2):
-        a = cell[3 + 3 * i:6 + 3 * i]
-        reach += math.sqrt(a[X] * a[X] + a[Y] * a[Y] + a[Z] * a[Z])
     for i in range(near[COUNT]):
         piece = near[REMEMBERED + i]
-        tool = _made_convex(piece, x, y, z, world, line)
+        tool = _made_convex(piece, x, y, z, reach, world, line)
         if _convex_distance(x, y, z, piece, line, tool, world, search) > reach:
             continue
         if piece >= len(world[GEOMETRY]):
@@ -313,16 +343,16 @@ def _state(trims, face, span, box, place):
 def _sags(cell, near, world, search, line):
     """How far the distance to the nearest piece remembered sags below a straight line along each side of a cell."""
     x, y, z = cell[MIDDLE + X] + cell[SHIFT + X], cell[MIDDLE + Y] + cell[SHIFT + Y], cell[MIDDLE + Z] + cell[SHIFT + Z]
-    best, least = -1, math.inf
+    best, least, reach = -1, math.inf, _half_side(cell, SIDE_S) + _half_side(cell, SIDE_T)
     for i in range(near[COUNT]):
         piece = near[REMEMBERED + i]
-        tool = _made_convex(piece, x, y, z, world, line)
+        tool = _made_convex(piece, x, y, z, reach, world, line)
         d = _convex_distance(x, y, z, piece, line, tool, world, search)
         if d < least:
             best, least = piece, d
     if best < 0:
         return 0.0, 0.0
-    tool = _made_convex(best, x, y, z, world, line)
+    tool = _made_convex(best, x, y, z, reach, world, line)
     s = t = -least
     for end in (-1.0, 1.0):
         s += 0.5 * _convex_distance(x + end * cell[SIDE_S + X], y + end * cell[SIDE_S + Y],
@@ -425,7 +455,7 @@ def _prove_roots(surface, trims, frame, world, patch, boxes, height_mm, floor_mm
     widest = 0
     for k in range(len(surface.patch)):
         widest = max(widest, surface.patch[k, DEGREE_U], surface.patch[k, DEGREE_V])
-    room = (np.empty((widest + 1, widest + 1, 4)), np.empty(NEAR + 2, np.int64), np.empty(12), np.empty((NEAR, 4)),
+    room = (np.empty((widest + 1, widest + 1, 4)), np.empty(NEAR + 2, np.int64), np.empty(MORE + 1), np.empty((NEAR, 4)),
             np.empty(4), np.empty(2))
     for k in range(first, last):
         cells[k], given[k] = _prove_root(surface, trims, frame, world, patch[k], boxes[k], height_mm, floor_mm, room,

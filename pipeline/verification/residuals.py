@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cuspline.stock.path_pieces import ARC, FORM, middles
 from cuspline.stock.swept import deviations_and_moves, deviations_of_columns, is_height_field, signed_distance_mm, upright_paths
 from cuspline.values import fixed_math as fixed
 from cuspline.values.arrays import frozen
@@ -244,12 +245,12 @@ def _tops(piece, k, looked, feeds, sampled):
 def _stands(cut, apart_mm):
     """Where a clamping's tools have stood: [(tips (n, 3), axis (3,), flat radius, corner radius)], part coordinates.
 
-    Ends of pieces, and the middles of straight ones that are longer than `apart_mm`.
+    Ends of pieces, and the middles of those that are longer than `apart_mm`, but for arcs in vertical planes.
     """
     def tips(g):
         way = g[:, 3:6] - g[:, :3]
-        long = (g[:, 11] == 0) & ((way * way).sum(axis=1) > apart_mm * apart_mm)
-        return np.concatenate([g[:, :3], g[:, 3:6], g[long, :3] + way[long] / 2])
+        long = (g[:, FORM] != ARC) & ((way * way).sum(axis=1) > apart_mm * apart_mm)
+        return np.concatenate([g[:, :3], g[:, 3:6], middles(g[long])])
     return [(cut.frame.out(np.unique(tips(p.geometry), axis=0)), cut.frame.rotation[:, 2], p.flat_radius_mm, p.corner_radius_mm)
             for p in upright_paths(cut.paths) if p.corner_radius_mm > 0]
 

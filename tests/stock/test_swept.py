@@ -55,6 +55,37 @@ def test_groove_along_a_vertical_arc_is_a_torus(plane):
             assert np.abs(stock_height_mm(paths, points[:, :2], 50.0) - z).max() < 1e-12
 
 
+@pytest.mark.parametrize("type_,corner", CUTTERS)
+@pytest.mark.parametrize("clockwise", [False, True])
+def test_ring_groove_has_the_section_of_the_cutter_all_round(type_, corner, clockwise):
+    """A whole circle at one height, in few pieces; beyond the ends of a part of it the cutter's own circle."""
+    rho, z, rng = 8.0, -4.0, np.random.default_rng(1)
+    whole = paths_of((rho + 1, 2, z), [arc((rho + 1, 2, z), (1, 2, z), clockwise=clockwise)], type_, 6, corner)
+    a, rc = whole[0].flat_radius_mm, whole[0].corner_radius_mm
+    part = paths_of((rho + 1, 2, z), [arc((1, 2 - rho, z), (1, 2, z), clockwise=clockwise)], type_, 6, corner)
+    assert len(whole[0].row) == 24 and not whole[0].error_mm
+    angle, far, up = rng.uniform(0, 2 * np.pi, 400), rng.uniform(0, rho + 5, 400), rng.uniform(-6, 2, 400)
+    points = np.column_stack([1 + far * np.cos(angle), 2 + far * np.sin(angle), up])
+    met = (angle >= 1.5 * np.pi) if clockwise else (angle <= 1.5 * np.pi)
+    ends = np.minimum(*(np.hypot(*(points[:, :2] - end).T) for end in ((rho + 1, 2), (1, 2 - rho))))
+    for paths, beside in ((whole, np.abs(far - rho)), (part, np.where(met, np.abs(far - rho), ends))):
+        e, f = beside - a, z + rc - up
+        exact = np.where((e > 0) & (f > 0), np.hypot(e, f), np.maximum(e, f)) - rc
+        assert np.abs(signed_distance_mm(paths, points) - exact).max() < 1e-12
+        height = np.where(beside <= a + rc, z + rc - np.sqrt(np.maximum(rc**2 - np.maximum(e, 0)**2, 0)), 0.0)
+        assert np.abs(stock_height_mm(paths, points[:, :2], 0.0) - height).max() < 1e-9
+        smaller = [p.grown(-0.1) for p in paths]
+        assert (signed_distance_mm(smaller, points) <= exact + 0.1 + 1e-12).all()
+
+
+def test_a_ray_through_the_inner_side_of_a_level_arc_meets_the_boss_that_it_leaves():
+    paths = paths_of((12, 0, -4), [arc((12, 0, -4), (0, 0, -4))], "flat", 6)      # leaves a boss of radius 9
+    d = deviation_mm(paths, *BOX, [(9.5, 0, -2), (8.9, 0, -2), (9.5, 0, -2), (8.999, 2, -2), (8.999, 0.1, -2)],
+                     [(1, 0, 0), (1, 0, 0), (0, 1, 0), (0, 1, 0), (0, 1, 0)], 3.0)
+    grazed = np.sqrt(81 - 8.999**2)
+    assert np.allclose(d, [-0.5, 0.1, -3.0, grazed - 2, grazed - 0.1], atol=1e-6)
+
+
 def test_arc_over_a_hill_leaves_the_inner_circle():
     rho, r = 20.0, 3.0
     paths = paths_of((-10, 0, np.sqrt(300) - r), [arc((10, 0, np.sqrt(300) - r), (0, 0, -r), Plane.ZX)])
