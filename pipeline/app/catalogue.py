@@ -283,6 +283,18 @@ def with_post(machine, post):
     return machine.model_copy(update={"control": machine.control.model_copy(update={"post": post})})
 
 
+def held_to(machine, gouge_mm):
+    """The machine with a path tolerance of no more than a gouge that is allowed, where its post states it in every program.
+
+    It stays a step of the last decimal at least: no control can be told less.
+    """
+    control = machine.control
+    held_mm = max(gouge_mm, control.resolution_mm)
+    if control.path_tolerance_mm <= held_mm or not getattr(find_post(control.post), "STATES_TOLERANCE", False):
+        return machine
+    return machine.model_copy(update={"control": control.model_copy(update={"path_tolerance_mm": held_mm})})
+
+
 def make_design(source, assignments):
     """The Design of a source; whatever its function raises becomes an error that names the design."""
     try:

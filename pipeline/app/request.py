@@ -63,6 +63,7 @@ class Request:
             from cuspline.design.setup_alignment import read_measured, refixtured_setups
             made = replace(made, setups=refixtured_setups(made.setups, read_measured(self.measured), partial(_farthest_of, made)))
         chosen = catalogue.with_post(_machine_of(self.machine if self.machine is not None else made.machine), self.post)
+        chosen = catalogue.held_to(chosen, made.finish.gouge_mm)
         library = catalogue.find_library(self.cutters).with_tools(made.tools)
         out = Path(self.out) if self.out is not None else Path("outputs") / made.name
         if self.draft:

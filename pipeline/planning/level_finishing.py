@@ -13,6 +13,7 @@ from cuspline.planning.context import path_tolerance_mm
 from cuspline.planning.cutter_choice import choose_cutter
 from cuspline.planning.freeform_finishing import LEVEL, SAME_MM, TERRACE_SHARE, link_rules
 from cuspline.program.program import Moves, MoveWriter
+from cuspline.surfaces.prismatic_features import SMOOTH_SINE, neighbours_of
 from cuspline.toolpaths.contact.contacts import NO_FACE
 from cuspline.toolpaths.drop.droppers import Dropper
 from cuspline.toolpaths.freeform.parallel_passes import Bearing
@@ -253,26 +254,29 @@ def _heights(work):
 class FloorDropper(Dropper):
     """A dropper that says of a flat which lies on a floor and on the rims of what is let into it: it touches the floor.
 
-    Beyond the floor's box, where its rim alone lies on it, it touches an edge as before.
+    Where it touches a face that runs smoothly out of the floor at the floor's height, it lies on the rim between them.  Beyond the
+    floor's box, where its rim alone lies on it, it touches an edge as before.
     """
 
-    def __init__(self, dropper, face, tip_z_mm, box_mm):
+    def __init__(self, dropper, face, smooth, tip_z_mm, box_mm):
         """
         Args:
-            dropper: Dropper of the cutter.   face: index of the floor.   tip_z_mm: of a tip on it.
-            box_mm: ((2,), (2,)) lowest and highest x, y of the floor.
+            dropper: Dropper of the cutter.   face: index of the floor.   smooth: those of faces that it runs smoothly into.
+            tip_z_mm: of a tip on it.   box_mm: ((2,), (2,)) lowest and highest x, y of the floor.
         """
         self.radius_mm, self.corner_radius_mm = dropper.radius_mm, dropper.corner_radius_mm
-        self.allowance_mm, self._dropper, self._face, self._tip_z_mm, self._box = (
-            dropper.allowance_mm, dropper, face, tip_z_mm, box_mm)
+        self.allowance_mm, self._dropper, self._face, self._smooth, self._tip_z_mm, self._box = (
+            dropper.allowance_mm, dropper, face, list(smooth), tip_z_mm, box_mm)
 
     def tips_mm(self, xy_mm):
         return self._dropper.tips_mm(xy_mm)
 
     def contacts(self, xy_mm):
         found, (low, high) = self._dropper.contacts(xy_mm), self._box
-        lies = found.is_edge & (np.abs(found.tip_z_mm - self._tip_z_mm) <= ON_IT_MM) & (
-            (xy_mm >= low) & (xy_mm <= high)).all(axis=1) & found.touches_rim([self._face])
+        is_on = np.abs(found.tip_z_mm - self._tip_z_mm) <= ON_IT_MM
+        at_rim = is_on & ~found.is_edge & np.isin(found.face, self._smooth)
+        found = replace(found, is_edge=found.is_edge | at_rim, beside=np.where(at_rim, self._face, found.beside))
+        lies = found.is_edge & is_on & ((xy_mm >= low) & (xy_mm <= high)).all(axis=1) & found.touches_rim([self._face])
         normal = np.where(lies[:, None], (0.0, 0.0, 1.0), found.normal)
         return replace(found, face=np.where(lies, self._face, found.face), normal=normal, is_edge=found.is_edge & ~lies,
                        beside=np.where(lies, NO_FACE, found.beside))
@@ -284,8 +288,10 @@ def _region(work, tool, faces):
     low, high = np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
     dropper = work.dropper_with(tool, work.operation.allowance_mm)
     tip_z = float(work.faces[faces[0]].middle.point_mm[0, 2]) + work.operation.allowance_mm
+    around = work.once("neighbours", lambda: neighbours_of(work.faces))
     for i, (first, last) in zip(faces, boxes):
-        dropper = FloorDropper(dropper, i, tip_z, (first[:2], last[:2]))
+        smooth = {n.index for n in around[i] if abs(n.sine) <= SMOOTH_SINE}
+        dropper = FloorDropper(dropper, i, smooth, tip_z, (first[:2], last[:2]))
     radius = tool.cutter.radius_mm
     try:
         field = tip_field(dropper, faces, (low[:2], high[:2]), PITCH_SHARE * radius, OVER_SHARE * radius)

@@ -27,17 +27,21 @@ def cleared(rows, posted, script, wanted_mm, stock):
     Returns:
         list of rows.
     """
-    if len(rows) > MOST_ROWS:
-        return []
-    return [row for row in rows if _is_clear(row, posted, script, wanted_mm, stock)]
+    left, found = list(rows) if len(rows) <= MOST_ROWS else [], []
+    while left:                                 # what stands before one of them stood there before those behind it too
+        within = stock.within_before(left[0])
+        clear = [row for row in left if _is_clear(row, posted, script, wanted_mm, stock, within)]
+        found += clear
+        left = [row for row in left[1:] if row not in clear]
+    return found
 
 
-def _is_clear(row, posted, script, wanted_mm, stock):
+def _is_clear(row, posted, script, wanted_mm, stock, within):
     if posted.kind[row] >= Kind.ARC_CW:
         return False
     _, of, cutter, _, _, parts, kinds = script
     k = cutter[np.flatnonzero(of == row)[0]]
-    ends, within = np.array([posted.start_mm[row], posted.end_mm[row]]), stock.within_before(row)
+    ends = np.array([posted.start_mm[row], posted.end_mm[row]])
     for (z0, r0, _, r1, grow), (owner, kind) in zip(parts, kinds):
         if owner != k or kind == UNCUT or (kind == RAPID and posted.kind[row] != Kind.RAPID):
             continue

@@ -6,6 +6,7 @@ Rays that ask what stands over a place begin there, not at the top of the blank.
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 
 from cuspline.stock.swept import nearest_moves
 from cuspline.values.arrays import frozen
@@ -51,11 +52,11 @@ class StockCells:
         middles, halves = (np.concatenate(c) for c in zip(*kept))
         return StockCells(middle_mm=middles, half_mm=halves, least_half_mm=self.least_half_mm)
 
-    def tops_in(self, frame, more_mm=0.0):
-        """CellTops of the cubes, larger all round by `more_mm`, as seen from a frame."""
+    def tops_in(self, frame):
+        """CellTops of the cubes, as seen from a frame."""
         middle, pitch = frame.into(self.middle_mm), 2 * self.least_half_mm
         reach = np.abs(frame.rotation).sum(axis=0)
-        half = self.half_mm[:, None] * reach + more_mm
+        half = self.half_mm[:, None] * reach
         low, high = (middle - half).min(axis=0, initial=np.inf)[:2], (middle + half).max(axis=0, initial=-np.inf)[:2]
         counts = np.maximum(np.ceil((high - low) / pitch), 1).astype(int) if len(middle) else np.ones(2, int)
         tops = np.full(counts, -np.inf)
@@ -75,6 +76,14 @@ class CellTops:
     def __post_init__(self):
         object.__setattr__(self, "low_mm", frozen(self.low_mm, (2,), "low_mm"))
         object.__setattr__(self, "top_mm", frozen(self.top_mm, (None, None), "top_mm"))
+
+    def grown(self, by_mm):
+        """The same of cubes larger all round by so much, in plan by up to a square more."""
+        squares = int(np.ceil(by_mm / self.pitch_mm))
+        tops = np.pad(self.top_mm, squares, constant_values=-np.inf)
+        for axis in range(2):
+            tops = maximum_filter1d(tops, 2 * squares + 1, axis=axis, mode="nearest")
+        return CellTops(low_mm=self.low_mm - squares * self.pitch_mm, pitch_mm=self.pitch_mm, top_mm=tops + by_mm)
 
     def at(self, xy_mm):
         """(n,) over places (n, 2); -inf beside all cubes."""

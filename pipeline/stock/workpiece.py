@@ -65,7 +65,7 @@ class Workpiece:
         """CellTops of the cells, larger all round by `more_mm`, as seen from a frame."""
         key = frame.rotation.tobytes(), frame.origin_mm.tobytes(), more_mm
         if key not in self._tops_seen:
-            self._tops_seen[key] = self.cells.tops_in(frame, more_mm)
+            self._tops_seen[key] = self._tops_in(frame).grown(more_mm) if more_mm else self.cells.tops_in(frame)
         return self._tops_seen[key]
 
     def is_cut_along(self, frame):

@@ -26,6 +26,7 @@ from cuspline.values.errors import PostError
 EXTENSION = "nc"
 READER = "haas_reader"
 TOOL_TABLE = "tools.nc"
+STATES_TOLERANCE = True     # every program says how far the control may leave the path
 comment = in_brackets
 COOLANT_WORD = {"off": "M9", "mist": "M9", "flood": "M8"}
 STANDS_RAD = 1e-6           # between the tool and Z

@@ -28,6 +28,7 @@ from cuspline.values import fixed_math as fixed
 EXTENSION = "h"
 READER = "klartext_reader"
 TOOL_TABLE = "tool.t"
+STATES_TOLERANCE = True     # every program says how far the control may leave the path
 PRESETS = {"G54": 1, "G55": 2, "G56": 3, "G57": 4, "G58": 5, "G59": 6}
 UNIT_WORD = {"mm": "MM", "inch": "INCH"}
 ANGLE_DECIMALS = 4

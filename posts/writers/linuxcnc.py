@@ -16,6 +16,7 @@ from cuspline.posts.writers.words import INCH_MM, UNIT_WORD, in_brackets
 EXTENSION = "ngc"
 READER = "rs274_reader"
 TOOL_TABLE = "tools.tbl"
+STATES_TOLERANCE = True     # every program says how far the control may leave the path
 TOLERANCE_DECIMALS = 7
 BLEND_SHARE = 0.5         # of the path tolerance, for P: blends begin on a servo cycle, and leave the path by up to twice P
 SETTLE = "P0.05"          # seconds until the joints stand where the program is

@@ -28,6 +28,7 @@ from cuspline.program.drilling import CLEARANCE_MM, PECKS
 EXTENSION = "mpf"
 READER = "siemens_reader"
 TOOL_TABLE = "tools.spf"
+STATES_TOLERANCE = True     # every program says how far the control may leave the path
 UNIT_WORD = {"mm": "G710", "inch": "G700"}
 TOLERANCE_DECIMALS = 7
 ABOUT_Z_X_Y = 39            # of CYCLE800: 2 bits an axis, 3 Z, 1 X, 2 Y

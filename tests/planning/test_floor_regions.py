@@ -65,6 +65,19 @@ def test_the_floor_round_a_block_lies_under_the_flat_up_to_its_walls(length, tur
     assert np.where(own.max(axis=1) > 0, 0.0, nearest)[own.max(axis=1) < -0.01].min() > RADIUS_MM
 
 
+@pytest.mark.parametrize("wide", [46.0, 40.0])
+def test_the_floor_beside_a_rounded_rim_lies_under_the_flat_all_round_a_boss(wide):
+    """Strips narrower than the cutter and than its radius: the flat rests on the line where the rounding begins."""
+    boss = cq.Workplane(origin=(0, 0, Z)).circle(12).extrude(4)
+    body = cq.Workplane().box(X, wide, Z, centered=(True, True, False)).faces(">Z").edges().fillet(2.0).union(boss)
+    top = body.faces(cq.selectors.BoxSelector((-X, -wide, Z - 0.1), (X, wide, Z + 0.1), boundingbox=True))
+    tips = tips_low(floor_of(body, (X, wide), "flat 16", top, Z + 4), Z + 0.006)
+    angle = np.linspace(0, 2 * np.pi, 721)
+    foot = 12.05 * np.column_stack([np.cos(angle), np.sin(angle)])
+    assert max(np.sqrt(((tips - p) ** 2).sum(axis=1).min()) for p in foot) <= RADIUS_MM + 0.01
+    assert np.sqrt((tips ** 2).sum(axis=1).min()) > 12 + RADIUS_MM - 0.01
+
+
 @pytest.mark.parametrize("slots", [[(0, 0)], [(0, -9), (0, 9)], [(-28, 0)]])
 def test_the_top_beside_slots_lies_under_the_flat_everywhere(slots):
     body = plate(slots)

@@ -72,6 +72,19 @@ def test_fifty_random_programs_read_back_as_they_were_meant(name, machines):
         assert_reads_as(told, moves, machine.control, HELIX_ENDS.get(name, 1.0))
 
 
+@pytest.mark.parametrize("name", ALL)
+def test_a_finer_finish_tightens_the_path_tolerance_where_programs_state_it(name):
+    machine = changed(ALL[name], path_tolerance_mm=0.002)
+    held = catalogue.held_to(machine, 0.0015)
+    said = [m.path_tolerance_mm[m.kind == Kind.FEED].max() for m in (joined(posted(m).texts, m) for m in (machine, held))]
+    if name in ("fanuc", "grbl", "pmac"):
+        assert held is machine and np.isnan(said).all()
+    else:
+        assert said == pytest.approx([0.002, 0.001 if name == "haas" else 0.0015], abs=1e-9)
+    assert catalogue.held_to(machine, 0.002) is machine
+    assert catalogue.held_to(machine, 1e-5).control.path_tolerance_mm in (0.002, machine.control.resolution_mm)
+
+
 @EVERY
 def test_the_header_survives_in_short_lines_and_its_verdict_is_stamped(name):
     machine = MACHINES[name]
