@@ -14,7 +14,7 @@ from cuspline.replay.replay_stock import LEAF
 from cuspline.replay.replay_stops import Standing, stop_findings
 from cuspline.replay.scene import FinishedDesign, Fixture, SolidFixture, Surroundings
 from cuspline.shop.cutters import POINTED
-from cuspline.stock.path_pieces import ARC, Z0, Z1, pieces_of
+from cuspline.stock.path_pieces import ARC, LEVEL_ARC, Z0, Z1, pieces_of
 from cuspline.stock.swept import CLOSED_UPWARD
 from cuspline.stock.tree import least_under, morton_order
 from cuspline.values import fixed_math as fixed
@@ -235,14 +235,15 @@ def _against_design(solids, script, wanted, worst, least):
     geometry, row, cutter, _, _, parts, kinds = script
     for k in np.unique(cutter):
         mine = cutter == k
-        lines = replay_kernel.chords(geometry[mine])
+        lines, of = replay_kernel.chords(geometry[mine])
+        rows = row[mine][of]
         for kind in (replay_kernel.SHANK, replay_kernel.HOLDER):
             segments = parts[(kinds[:, 0] == k) & (kinds[:, 1] == kind)]
             if not len(segments):
                 continue
             is_holder = kind == replay_kernel.HOLDER
             proven, got, spot = replay_design.sweep(
-                solids.design.arrays, lines, row[mine], np.ascontiguousarray(segments), wanted[kind] - solids.allowed_mm,
+                solids.design.arrays, lines, rows, np.ascontiguousarray(segments), wanted[kind] - solids.allowed_mm,
                 least[1] if is_holder else -np.inf, replay_design.TOLERANCE_MM, worst[kind])
             if is_holder and got < least[1]:
                 least[1:] = got, *spot
@@ -256,11 +257,12 @@ def _against_fixture(fixture, script, worst):
     geometry, row, cutter, _, _, parts, kinds = script
     for k in np.unique(cutter):
         mine = cutter == k
-        lines = replay_kernel.chords(geometry[mine])
+        lines, of = replay_kernel.chords(geometry[mine])
+        rows = row[mine][of]
         for is_flute in (True, False):
             segments = parts[(kinds[:, 0] == k) & ((kinds[:, 1] == replay_kernel.RAPID) == is_flute)]
             if len(segments):           # flutes come thinner by what they may touch
-                replay_design.sweep(fixture.arrays, lines, row[mine], np.ascontiguousarray(segments),
+                replay_design.sweep(fixture.arrays, lines, rows, np.ascontiguousarray(segments),
                                     TOUCH_MM if is_flute else 0.0, -np.inf, replay_design.TOLERANCE_MM, worst)
 
 
@@ -320,7 +322,8 @@ def _in_columns(geometry, lifts_mm):
 
 def _pieces(posted, rows, tool):
     """A plunge is cut in steps of half a flute length: the neck enters what the flutes have cut before."""
-    return pieces_of(posted, rows, (ARC,) if tool.cutter.type == "ball" else (), deepest_mm=tool.cutter.flute_length_mm / 2)
+    kept = (ARC, LEVEL_ARC) if tool.cutter.type == "ball" else (LEVEL_ARC,)
+    return pieces_of(posted, rows, kept, deepest_mm=tool.cutter.flute_length_mm / 2)
 
 
 def surely_cut(cutter):

@@ -30,7 +30,8 @@ from cuspline.replay.replay_stock import (
 )
 from cuspline.stock.distance_kernels import corner_distance
 from cuspline.stock.height_kernels import piece_height
-from cuspline.stock.path_pieces import FORM, RADIUS, SIDE, X0, X1, Y0, Y1, Z0, Z1
+from cuspline.stock.level_arcs import MOST_WAYS, chord_room, chords_within, level_cover, level_sagitta
+from cuspline.stock.path_pieces import ARC, FORM, LEVEL_ARC, LINE, RADIUS, SIDE, X0, X1, Y0, Y1, Z0, Z1
 from cuspline.stock.tree import CORNER_RADIUS, FLAT_RADIUS
 from cuspline.values.compiled import njit
 from cuspline.values.rows import HIGH_X, HIGH_Y, HIGH_Z, LOW_X, LOW_Y, X, Y, Z, put
@@ -51,10 +52,10 @@ ROW, CELL, HEIGHT = range(3)    # arrays of events
 
 @njit
 def chord(g, out):
-    """A piece as a straight line that lies nowhere above it."""
+    """A piece as a straight line that lies nowhere above it; of a level arc its chord."""
     put(out, g)
-    out[FORM] = 0.0
-    if g[FORM] != 0.0 and g[SIDE] < 0.0:
+    out[FORM] = LINE
+    if g[FORM] == ARC and g[SIDE] < 0.0:
         dx, dy, dz = g[X1] - g[X0], g[Y1] - g[Y0], g[Z1] - g[Z0]
         half = 0.25 * (dx * dx + dy * dy + dz * dz)
         sagitta = g[RADIUS] - math.sqrt(max(g[RADIUS] * g[RADIUS] - half, 0.0))
@@ -76,13 +77,29 @@ def lowered(line, by_mm, out):
 
 
 @njit
+def ways_of(g, corners, ways):
+    """Straight lines that a piece runs along, into ways (MOST_WAYS, 12): how many; level arcs as chords within SAGITTA_MM."""
+    chord(g, ways[0])
+    count = chords_within(g, corners) if g[FORM] == LEVEL_ARC else 1
+    for k in range(count if count > 1 else 0):
+        put(ways[k], ways[0])
+        ways[k, X0], ways[k, Y0], ways[k, X1], ways[k, Y1] = corners[k, X], corners[k, Y], corners[k + 1, X], corners[k + 1, Y]
+    return count
+
+
+@njit
 def chords(geometry):
-    """(m, 6) ends of all pieces as `chord` gives them."""
-    lines, line = np.empty((len(geometry), 6)), np.empty(12)
+    """(k, 6) ends of the straight lines of all pieces, see `ways_of`, and the piece (k,) that each is of."""
+    corners, ways, count = chord_room(), np.empty((MOST_WAYS, 12)), 0
     for p in range(len(geometry)):
-        chord(geometry[p], line)
-        put(lines[p], line[:6])
-    return lines
+        count += ways_of(geometry[p], corners, ways)
+    lines, of, k = np.empty((count, 6)), np.empty(count, np.int64), 0
+    for p in range(len(geometry)):
+        for way in range(ways_of(geometry[p], corners, ways)):
+            put(lines[k], ways[way, :6])
+            of[k] = p
+            k += 1
+    return lines, of
 
 
 @njit
@@ -200,12 +217,56 @@ def _against_stock(line, part, wanted, enough, before, stock, highest, past, dou
 
 
 @njit
+def _depth_in_box(g, part, box, room):
+    """As `_fixture_depth` over a piece: of a level arc its chord with the part grown, where that is clear, else all its chords."""
+    _, corners, ways, grown, _ = room
+    chord(g, ways[0])
+    sagitta = level_sagitta(g)
+    if sagitta == 0.0:
+        return _fixture_depth(ways[0], part, box)
+    put(grown, part)
+    grown[GROW] += sagitta
+    deepest = _fixture_depth(ways[0], grown, box)
+    if deepest > -sagitta:
+        deepest = -math.inf
+        for k in range(ways_of(g, corners, ways)):
+            deepest = max(deepest, _fixture_depth(ways[k], part, box))
+    return deepest
+
+
+@njit
+def _on_its_ways(g, part, wanted, enough, before, stock, highest, past, doubtful, room, spot, budget):
+    """As `_against_stock` over a piece: a level arc's chord with the part grown clears it, or all its chords are looked at."""
+    space, corners, ways, grown, here = room
+    chord(g, ways[0])
+    sagitta = level_sagitta(g)
+    if sagitta == 0.0:
+        return _against_stock(ways[0], part, wanted, enough, before, stock, highest, past, doubtful, space, spot, budget)
+    put(grown, part)
+    grown[GROW] += sagitta
+    count, clear = _doubtful_cells(ways[0], grown, enough, stock, highest, doubtful)
+    if count == 0:
+        return clear, math.inf, False
+    proven, best, doubt = FAR_MM, math.inf, False
+    for k in range(ways_of(g, corners, ways)):
+        lower, got, unsure = _against_stock(ways[k], part, wanted, enough, before, stock, highest, past, doubtful, space, here,
+                                            budget)
+        proven, doubt = min(proven, lower), doubt or unsure
+        if got < best:
+            best = got
+            put(spot, here)
+            if best < wanted:
+                enough = min(enough, best - DEPTH_MM)
+    return proven, best, doubt and best >= wanted
+
+
+@njit
 def _gap(x, low, high):
     return max(low - x, x - high, 0.0)
 
 
 @njit
-def _cut(g, a, rc, row, is_rapid, touch, stock, heights, rapids, events, count):
+def _cut(g, a, rc, row, is_rapid, touch, stock, heights, rapids, events, count, spare):
     """Lowers nodes and bounds by one piece; gives the events (grown when full) and their number."""
     _, bounds, _, tiles, xs, ys = stock
     radius, low = a + rc, min(g[Z0], g[Z1])
@@ -217,7 +278,7 @@ def _cut(g, a, rc, row, is_rapid, touch, stock, heights, rapids, events, count):
         for ti in range(i0 // TILE, (i1 - 1) // TILE + 1):
             if tiles[tj, ti] > low and tiles[tj, ti] > low + _rise(g, a, rc, tj, ti, bounds.shape, xs, ys) - NOISE_MM:
                 events, count, tiles[tj, ti] = _cut_tile(tj, ti, g, a, rc, row, is_rapid, touch, stock, heights, rapids,
-                                                         events, count)
+                                                         events, count, spare)
     return events, count
 
 
@@ -233,7 +294,7 @@ def _rise(g, a, rc, tj, ti, cells, xs, ys):
 
 
 @njit
-def _cut_tile(tj, ti, g, a, rc, row, is_rapid, touch, stock, heights, rapids, events, count):
+def _cut_tile(tj, ti, g, a, rc, row, is_rapid, touch, stock, heights, rapids, events, count, spare):
     """`_cut` within one tile, and its highest bound then; nodes on its far sides belong to the tiles there."""
     z, bounds, _, tiles, xs, ys = stock
     j0, j1 = tj * TILE, min((tj + 1) * TILE, len(bounds))
@@ -255,6 +316,9 @@ def _cut_tile(tj, ti, g, a, rc, row, is_rapid, touch, stock, heights, rapids, ev
             if j > j0 and i > i0:
                 k = i - i0
                 highest = max(max(h, now[k - 1]), max(before[k], before[k - 1])) + more
+                if g[FORM] == LEVEL_ARC and highest < bounds[j - 1, i - 1]:
+                    hx, hy = 0.5 * (xs[i] - xs[i - 1]), 0.5 * (ys[j] - ys[j - 1])
+                    highest = level_cover(xs[i] - hx, ys[j] - hy, hx, hy, g, a, rc, spare)
                 bounds[j - 1, i - 1] = min(bounds[j - 1, i - 1], max(highest, low))
             is_own = (i < i1 or i1 == bounds.shape[1]) and (j < j1 or j1 == len(bounds))
             if not is_own or i >= z.shape[1] or j >= len(z) or h >= z[j, i] - NOISE_MM:
@@ -298,22 +362,22 @@ def _stretch_end(first, geometry, cutter, is_rapid, length):
 
 
 @njit
-def _meet_uncut(first, end, part, geometry, row, stock, highest, past, doubtful, space, spot, uncut):
+def _meet_uncut(first, end, part, geometry, row, stock, highest, past, doubtful, room, spot, uncut):
     """What a neck meets above the flutes, that stood before a stretch of pieces.
 
     A height field is cut from above, flutes cut no higher than they are long: piece by piece a neck no wider than they are would
     never meet what their shadow has taken from the map before it.  No flute of the stretch comes above those of its highest
     piece.
     """
-    line, above, top = np.empty(12), part.copy(), -math.inf
+    above, top = part.copy(), -math.inf
     for p in range(first, end):
         top = max(top, max(geometry[p, Z0], geometry[p, Z1]))
     for p in range(first, end):
-        chord(geometry[p], line)
-        above[BOTTOM] = part[BOTTOM] + top - min(line[Z0], line[Z1])
+        chord(geometry[p], room[2][0])
+        above[BOTTOM] = part[BOTTOM] + top - min(room[2][0, Z0], room[2][0, Z1])
         enough = min(-RUBBING_MM, beyond(0.0, uncut[row[p], AMOUNT]))
-        _, got, _ = _against_stock(line, above, -RUBBING_MM, enough, first, stock, highest, past, doubtful, space, spot,
-                                   SEEN_BUDGET)
+        _, got, _ = _on_its_ways(geometry[p], above, -RUBBING_MM, enough, first, stock, highest, past, doubtful, room, spot,
+                                 SEEN_BUDGET)
         if got < -RUBBING_MM:
             _keep_worst(uncut, row[p], -got, spot[X], spot[Y], spot[Z])
 
@@ -343,6 +407,7 @@ def run(geometry, row, cutter, is_rapid, cutters, parts, kinds, wanted, touch, l
     tiles = np.empty(((len(bounds) + TILE - 1) // TILE, (bounds.shape[1] + TILE - 1) // TILE))
     stock = z, bounds, sure, tiles, xs, ys
     doubtful, space = np.empty(bounds.size, np.int64), search_space()
+    room = space, chord_room(), np.empty((MOST_WAYS, 12)), np.empty(5), np.empty(3)
     for tj in range(len(tiles)):
         for ti in range(tiles.shape[1]):
             tiles[tj, ti] = _tile_top(bounds, tj, ti)
@@ -358,14 +423,14 @@ def run(geometry, row, cutter, is_rapid, cutters, parts, kinds, wanted, touch, l
             seen = _stretch_end(p, geometry, cutter, is_rapid, STRETCH_SHARE * (a + rc))
             for c in range(len(parts)):
                 if kinds[c, KIND] == UNCUT and kinds[c, CUTTER] == cutter[p] and not is_rapid[p]:
-                    _meet_uncut(p, seen, parts[c], geometry, row, stock, highest, past, doubtful, space, spot, uncut)
+                    _meet_uncut(p, seen, parts[c], geometry, row, stock, highest, past, doubtful, room, spot, uncut)
         chord(geometry[p], line)
         for c in range(len(parts)):
             if kinds[c, CUTTER] != cutter[p]:
                 continue
             part, kind = parts[c], kinds[c, KIND]
             for f in range(len(boxes)):
-                depth = _fixture_depth(line, part, boxes[f])
+                depth = _depth_in_box(geometry[p], part, boxes[f], room)
                 if kind == RAPID:                # thinner than the flutes by the touch, all round
                     depth += touch
                 _keep_worst(worst[FIXTURE], row[p], depth, line[X1], line[Y1], boxes[f, HIGH_Z])
@@ -378,8 +443,8 @@ def run(geometry, row, cutter, is_rapid, cutters, parts, kinds, wanted, touch, l
             enough = max(limit, worth_less(least[ATTAINED])) if kind == HOLDER else limit
             if kind != RAPID and worst[kind, row[p], AMOUNT] > 0.0:     # this move touches already: how much deeper?
                 enough = min(enough, beyond(wanted[kind], worst[kind, row[p], AMOUNT]))
-            proven, got, in_doubt = _against_stock(line, part, limit, enough, p, stock, highest, past, doubtful, space,
-                                                   spot, SEEN_BUDGET if unsure[row[p]] else BUDGET)
+            proven, got, in_doubt = _on_its_ways(geometry[p], part, limit, enough, p, stock, highest, past, doubtful, room,
+                                                 spot, SEEN_BUDGET if unsure[row[p]] else BUDGET)
             if kind == HOLDER:
                 least[PROVEN] = min(least[PROVEN], proven)
                 if got < least[ATTAINED]:
@@ -399,8 +464,8 @@ def run(geometry, row, cutter, is_rapid, cutters, parts, kinds, wanted, touch, l
                     _keep_worst(worst[LOW], row[p], spot[Z] - piece_height(spot[X], spot[Y], low, a, rc), spot[X],
                                 spot[Y], spot[Z])
         events, count = _cut(geometry[p], a, rc, row[p], is_rapid[p], touch, stock, heights, worst[RAPID], events,
-                             count)
+                             count, space[0][2])
     for r in range(len(uncut)):
-        if worst[SHANK, r, AMOUNT] <= 0.0 and uncut[r, AMOUNT] > 0.0:
+        if uncut[r, AMOUNT] > max(worst[SHANK, r, AMOUNT], 0.0):
             put(worst[SHANK, r], uncut[r])
     return (events[ROW][:count], events[CELL][:count], events[HEIGHT][:count]), unsure

@@ -12,7 +12,8 @@ import numpy as np
 
 from cuspline.replay.clearance_kernels import BOTTOM, BOTTOM_RADIUS, GROW, TOP_RADIUS, swept_distance
 from cuspline.stock.height_kernels import piece_height
-from cuspline.stock.path_pieces import CENTER_U, CENTER_V, FORM, IN_YZ, RADIUS, SIDE, X0, X1, Y0, Y1, Z0, Z1
+from cuspline.stock.level_arcs import level_cover, line_beside
+from cuspline.stock.path_pieces import ARC, CENTER_U, CENTER_V, FORM, IN_YZ, LEVEL_ARC, RADIUS, SIDE, X0, X1, Y0, Y1, Z0, Z1
 from cuspline.stock.tree import CORNER_RADIUS, FLAT_RADIUS
 from cuspline.values.compiled import njit
 from cuspline.values.rows import FROM, TO, X_HIGH, X_LOW, Y_HIGH, Y_LOW, X, Y, Z
@@ -53,7 +54,7 @@ def worth_less(attained):
 @njit
 def bulge(g):
     """How much higher inside a cell than at its corners an arc above its centre can leave the stock; 0 for others."""
-    if g[FORM] == 0.0 or g[SIDE] < 0.0:
+    if g[FORM] != ARC or g[SIDE] < 0.0:
         return 0.0
     dx, dy, dz = g[X1] - g[X0], g[Y1] - g[Y0], g[Z1] - g[Z0]
     return g[RADIUS] - math.sqrt(max(g[RADIUS] * g[RADIUS] - 0.25 * (dx * dx + dy * dy + dz * dz), 0.0))
@@ -82,7 +83,9 @@ def _standing(x, y, g):
 @njit
 def _covered(x, y, hx, hy, g, a, rc, spare):
     """No point of the rectangle keeps more height than this after the piece; inf: not all of it is passed over."""
-    if g[FORM] != 0.0 and g[SIDE] > 0.0:
+    if g[FORM] == LEVEL_ARC:
+        return level_cover(x, y, hx, hy, g, a, rc, spare)
+    if g[FORM] == ARC and g[SIDE] > 0.0:
         spare[:] = 0.0
         spare[X0], spare[Y0], spare[Z0] = _standing(x, y, g)
         spare[X1], spare[Y1], spare[Z1] = spare[X0], spare[Y0], spare[Z0]
@@ -166,13 +169,16 @@ def _holds(x, y, z, room, g, rc, is_upright):
 
 
 @njit
-def _is_in_one(way, radius, before, forest, orders, firsts, stack):
+def _is_in_one(way, radius, before, forest, orders, firsts, work):
     """Whether a column of this radius stays in what ONE earlier piece has swept, on a way of (6,) x y z x y z.
 
     Over a line or a hanging arc that is convex, so both ends of the way decide; under an arc above its centre lies
-    its chord, lifted.
+    its chord, lifted; for a level arc stands a line beside it.
     """
     geometry, nodes, trees, tools = forest
+    stack, _, spare = work
+    x, y = 0.5 * (way[X0] + way[X1]), 0.5 * (way[Y0] + way[Y1])
+    reach = 0.5 * math.sqrt((way[X1] - way[X0]) ** 2 + (way[Y1] - way[Y0]) ** 2)
     is_upright = way[X0] == way[X1] and way[Y0] == way[Y1]
     for k in range(len(trees)):
         node0, piece0, count, leaves = trees[k, FIRST_NODE], trees[k, FIRST_PIECE], trees[k, PIECES], trees[k, LEAVES]
@@ -195,9 +201,12 @@ def _is_in_one(way, radius, before, forest, orders, firsts, stack):
                 continue
             t0 = (node - leaves + 1) * LEAF
             for t in range(piece0 + t0, piece0 + min(t0 + LEAF, count)):
-                g = geometry[t]
-                if (orders[t] < before and _holds(way[X0], way[Y0], way[Z0], room, g, rc, is_upright)
-                        and _holds(way[X1], way[Y1], way[Z1], room, g, rc, is_upright)):
+                g, less = geometry[t], 0.0
+                if orders[t] < before and g[FORM] == LEVEL_ARC:
+                    less = line_beside(g, x, y, reach, spare)
+                    g = spare
+                if (orders[t] < before and room >= less and _holds(way[X0], way[Y0], way[Z0], room - less, g, rc, is_upright)
+                        and _holds(way[X1], way[Y1], way[Z1], room - less, g, rc, is_upright)):
                     return True
     return False
 
@@ -209,7 +218,7 @@ def runs_in_swept(line, part, wanted, before, forest, orders, firsts, space):
     A way retraced over other corner points is halved at these: down to STRETCH_MM, where what may be missing of the
     distance (a shank rubs) bridges them.
     """
-    stack, spans = space[0][0], space[1]
+    work, spans = space
     radius, up = max(part[BOTTOM_RADIUS], part[TOP_RADIUS]) + part[GROW] + wanted, part[BOTTOM] - wanted
     way, spans[0, FROM], spans[0, TO], waiting = np.empty(6), 0.0, 1.0, 1
     length = math.sqrt((line[X1] - line[X0]) ** 2 + (line[Y1] - line[Y0]) ** 2 + (line[Z1] - line[Z0]) ** 2)
@@ -220,7 +229,7 @@ def runs_in_swept(line, part, wanted, before, forest, orders, firsts, space):
             lift = up if k == 2 else 0.0
             way[k] = line[k] + first * (line[X1 + k] - line[k]) + lift
             way[X1 + k] = line[k] + last * (line[X1 + k] - line[k]) + lift
-        if _is_in_one(way, radius, before, forest, orders, firsts, stack):
+        if _is_in_one(way, radius, before, forest, orders, firsts, work):
             continue
         if (last - first) * length <= STRETCH_MM:
             return False

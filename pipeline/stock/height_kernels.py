@@ -18,7 +18,7 @@ STEEP = 0.003             # a tangent to p is taken where no more than this shar
 
 
 @njit
-def _bottom(d, a, rc):
+def bottom(d, a, rc):
     """p(d) for d <= a + rc."""
     e = d - a
     if e <= 0.0:
@@ -30,7 +30,7 @@ def _bottom(d, a, rc):
 def _at(x, y, cx, cy, cz, a, rc):
     """Height left by the cutter standing still."""
     d = math.sqrt((x - cx) * (x - cx) + (y - cy) * (y - cy))
-    return cz + _bottom(d, a, rc) if d <= a + rc else math.inf
+    return cz + bottom(d, a, rc) if d <= a + rc else math.inf
 
 
 @njit
@@ -88,7 +88,7 @@ def _line_height(x, y, g, a, rc):
     else:
         u = _bull_position(s, q, lo, hi, slope, a, rc)
     d = math.sqrt(q * q + (u - s) * (u - s))
-    return g[Z0] + slope * u + _bottom(min(d, radius), a, rc)
+    return g[Z0] + slope * u + bottom(min(d, radius), a, rc)
 
 
 @njit

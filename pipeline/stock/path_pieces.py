@@ -23,6 +23,7 @@ from cuspline.values.errors import SimulationError
 
 SAGITTA_MM = 2e-5         # chords of arcs that cannot stay arcs; also half the radius step of a spiral's pieces
 ARC_ANGLE_RAD = np.pi / 12    # longest arc piece: keeps the bounding planes of the tree tight
+LEVEL_SAGITTA_MM = 0.05   # of one at one height: nearly its chord, to who looks from afar
 QUARTER = np.pi / 2
 X0, Y0, Z0, X1, Y1, Z1, IN_YZ, CENTER_U, CENTER_V, RADIUS, SIDE, FORM = range(12)
 LINE, ARC, LEVEL_ARC = 0.0, 1.0, 2.0
@@ -216,7 +217,9 @@ def _quarters(arcs, longest_mm):
     width = stop - start
     counts = np.maximum(part_counts(width, ARC_ANGLE_RAD), part_counts(width * arcs.radius0[whole], longest_mm))
     counts = np.maximum(counts, part_counts(width * per_rad, 2 * SAGITTA_MM))
-    _refuse_endless(counts, arcs.row[whole])
+    bent = part_counts(width, 2 * fixed.arccos(1 - np.minimum(LEVEL_SAGITTA_MM / arcs.radius0[whole], 0.5)))
+    counts = np.maximum(counts, np.where(arcs.plane[whole] == Plane.XY, bent, 1))
+    _refuse_endless(np.bincount(whole, counts).astype(np.int64), arcs.row)
     parent, k = repeated_parts(counts)
     a0 = start[parent] + k * width[parent] / counts[parent]
     a1 = start[parent] + (k + 1) * width[parent] / counts[parent]

@@ -34,6 +34,8 @@ CLOSE_MM = 1e-8           # where tracing stops short of the surface
 SETTLED_MM = 1e-10        # how well a surface is met
 PATIENT_STEPS = 48        # after these a ray is grazing, and steps at least GRAZING of its length
 GRAZING = 0.01
+MORE_PATIENT_STEPS = 4 * PATIENT_STEPS      # the same along arcs that a ray may meet from their hollow side
+AHEAD_MM = 1e-5           # over which these are straight
 
 
 @njit
@@ -84,15 +86,18 @@ def _entry(p, n, d, limit, g, a, rc):
 
 @njit
 def _entry_by_steps(p, n, d, limit, g, a, rc):
-    """As `_entry`, past the back of an arc or the inner side of a level one: by steps as long as the distance."""
-    t = d
-    for step in range(PATIENT_STEPS * 4):
+    """As `_entry`, past the back of an arc or the inner side of a level one: by steps as long as the distance, the last straight."""
+    before, t = d, d
+    for step in range(2 * MORE_PATIENT_STEPS):
         if t >= limit:
             return limit
         f = piece_distance(p[X] + t * n[X], p[Y] + t * n[Y], p[Z] + t * n[Z], g, a, rc)
         if f <= SETTLED_MM:
             return t
-        t += f if step < PATIENT_STEPS else max(f, GRAZING * t + 1e-6)
+        if f * before <= AHEAD_MM * (before - f):          # it has fallen by as much over a way of `before`
+            return min(t + f * before / (before - f), limit)
+        before = f if step < MORE_PATIENT_STEPS else max(f, GRAZING * t + 1e-6)
+        t += before
     return limit
 
 
@@ -191,8 +196,11 @@ def _leave_by_steps(p, n, t, d, limit, g, a, rc):
     """As `_leave`, where the ray may leave more than once: by steps as long as it is deep."""
     start, step = t, 0
     while d < -SETTLED_MM and t < limit:
-        t += -d if step < PATIENT_STEPS else max(-d, GRAZING * (t - start) + 1e-6)
+        before = -d if step < MORE_PATIENT_STEPS else max(-d, GRAZING * (t - start) + 1e-6)
+        t += before
         d = piece_distance(p[X] - t * n[X], p[Y] - t * n[Y], p[Z] - t * n[Z], g, a, rc)
+        if -d * before <= AHEAD_MM * (before + d):
+            return min(t - d * before / (before + d), limit)
         step += 1
     return min(t, limit)
 

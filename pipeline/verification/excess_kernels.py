@@ -18,7 +18,8 @@ import math
 import numpy as np
 
 from cuspline.stock.distance_kernels import piece_distance
-from cuspline.stock.path_pieces import CENTER_U, CENTER_V, FORM, IN_YZ, LEVEL_ARC, LINE, RADIUS, SIDE, X0, X1, Y0, Y1, Z0, Z1
+from cuspline.stock.level_arcs import line_beside
+from cuspline.stock.path_pieces import CENTER_U, CENTER_V, FORM, IN_YZ, LEVEL_ARC, LINE, RADIUS, SIDE, X1, Z0, Z1
 from cuspline.stock.rays import UPRIGHT_ARRAYS, nearest, scratch
 from cuspline.stock.tilted_pieces import LENGTH, TIP, TURN, UNEVEN, WAY
 from cuspline.stock.tilted_tree import one_distance
@@ -51,30 +52,6 @@ MORE = 12                 # of a line that stands for a piece, behind its own nu
 
 
 @njit
-def _beside_level_arc(g, px, py, reach, out):
-    r"""A line between a level arc's chord and its tangent next to a place, long enough for what lies within `reach` of it.
-
-        ____tangent____            chord and tangent lie h and 0 within the arc: the line between them is off it by h/2
-       /     line      \           at most, on both sides
-      arc____chord_____
-    """
-    x, y, r = px - g[CENTER_U], py - g[CENTER_V], g[RADIUS]
-    x0, y0, x1, y1 = g[X0] - g[CENTER_U], g[Y0] - g[CENTER_V], g[X1] - g[CENTER_U], g[Y1] - g[CENTER_V]
-    if x0 * y - y0 * x < 0.0 or x * y1 - y * x1 < 0.0:
-        x, y = (x0, y0) if (x - x0) ** 2 + (y - y0) ** 2 < (x - x1) ** 2 + (y - y1) ** 2 else (x1, y1)
-    far = math.sqrt(x * x + y * y)
-    x, y = (x / far, y / far) if far > 0.0 else (x0 / r, y0 / r)
-    half = r * reach / max(far - reach, reach)
-    back, ahead = max(x * y0 - y * x0, -half), min(x * y1 - y * x1, half)
-    most = max(-back, ahead)
-    low = r - most * most / (4.0 * r)
-    back, ahead = back * low / r, ahead * low / r              # its ends point where the arc still goes
-    out[X0], out[Y0] = g[CENTER_U] + low * x - back * y, g[CENTER_V] + low * y + back * x
-    out[X1], out[Y1] = g[CENTER_U] + low * x - ahead * y, g[CENTER_V] + low * y + ahead * x
-    out[FORM], out[MORE] = LINE, max(r - low, math.sqrt(low * low + most * most) - r)
-
-
-@njit
 def _straightened(g, rc, px, py, pz, reach, out):
     """A piece of path for which a distance is convex: the piece, a tangent of an arc that bulges upward, a line beside a level one.
 
@@ -83,7 +60,7 @@ def _straightened(g, rc, px, py, pz, reach, out):
     put(out, g)
     out[MORE] = 0.0
     if g[FORM] == LEVEL_ARC:
-        _beside_level_arc(g, px, py, reach, out)
+        out[MORE] = line_beside(g, px, py, reach, out)
         return
     if g[FORM] == LINE or g[SIDE] < 0.0:
         return
