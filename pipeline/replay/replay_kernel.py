@@ -18,6 +18,7 @@ from cuspline.replay.replay_stock import (
     AT_Z,
     BUDGET,
     DEPTH_MM,
+    LEAST_MM,
     SEEN_BUDGET,
     SHARE,
     beyond,
@@ -42,6 +43,7 @@ TILE = 8                  # cells along the side of a tile whose highest bound i
 REFRESH = 256             # pieces after which the highest of the tiles is looked up again: it only falls
 FAR_MM = 50.0             # clearances beyond this are not measured
 NOISE_MM = 1e-6           # heights closer than this are the same
+NEAR_SHARE = 0.5          # of LEAST_MM, that a chord of a level arc may seem nearer to the stock than the arc
 STRETCH_SHARE = 1.0       # of the radius: so far ahead a neck is held against what its flutes' shadow is to take
 RAPID, SHANK, HOLDER, FIXTURE, LOW = range(5)
 UNCUT = 5                 # kind of part: the neck above the flutes, against what stood before these cut below it
@@ -235,28 +237,45 @@ def _depth_in_box(g, part, box, room):
 
 
 @njit
-def _on_its_ways(g, part, wanted, enough, before, stock, highest, past, doubtful, room, spot, budget):
-    """As `_against_stock` over a piece: a level arc's chord with the part grown clears it, or all its chords are looked at."""
+def _on_its_ways(g, part, wanted, enough, near, before, stock, highest, past, doubtful, room, spot, budget):
+    """As `_against_stock` over a piece: of a level arc a chord with the part grown clears what is between its ends, or is halved.
+
+    Grown by no more than `near` it also says how near the part comes, where that is no contact.
+    """
     space, corners, ways, grown, here = room
-    chord(g, ways[0])
-    sagitta = level_sagitta(g)
+    line, sagitta = ways[0], level_sagitta(g)
+    chord(g, line)
     if sagitta == 0.0:
-        return _against_stock(ways[0], part, wanted, enough, before, stock, highest, past, doubtful, space, spot, budget)
+        return _against_stock(line, part, wanted, enough, before, stock, highest, past, doubtful, space, spot, budget)
     put(grown, part)
-    grown[GROW] += sagitta
-    count, clear = _doubtful_cells(ways[0], grown, enough, stock, highest, doubtful)
-    if count == 0:
-        return clear, math.inf, False
+    whole = chords_within(g, corners)
     proven, best, doubt = FAR_MM, math.inf, False
-    for k in range(ways_of(g, corners, ways)):
-        lower, got, unsure = _against_stock(ways[k], part, wanted, enough, before, stock, highest, past, doubtful, space, here,
-                                            budget)
+    first, count = 0, whole                            # chords from `first` on, as many of them as are looked at as one
+    while first < whole:
+        line[X0], line[Y0] = corners[first, X], corners[first, Y]
+        line[X1], line[Y1] = corners[first + count, X], corners[first + count, Y]
+        if count > 1:
+            grown[GROW] = part[GROW] + sagitta * (count / whole) ** 2
+            cells, lower = _doubtful_cells(line, grown, enough, stock, highest, doubtful)
+            got, unsure = math.inf, False
+            if cells > 0 and grown[GROW] - part[GROW] <= near:
+                lower, got, unsure = _against_stock(line, grown, wanted, enough, before, stock, highest, past, doubtful, space,
+                                                    here, budget)
+                cells = 1 if unsure or got < wanted else 0
+            if cells > 0:
+                count //= 2
+                continue
+        else:
+            lower, got, unsure = _against_stock(line, part, wanted, enough, before, stock, highest, past, doubtful, space, here,
+                                                budget)
         proven, doubt = min(proven, lower), doubt or unsure
         if got < best:
             best = got
             put(spot, here)
-            if best < wanted:
-                enough = min(enough, best - DEPTH_MM)
+            enough = min(enough, best - DEPTH_MM) if best < wanted else max(wanted, min(enough, worth_less(best)))
+        first += count
+        while count < whole and first % (2 * count) == 0:
+            count *= 2
     return proven, best, doubt and best >= wanted
 
 
@@ -376,7 +395,7 @@ def _meet_uncut(first, end, part, geometry, row, stock, highest, past, doubtful,
         chord(geometry[p], room[2][0])
         above[BOTTOM] = part[BOTTOM] + top - min(room[2][0, Z0], room[2][0, Z1])
         enough = min(-RUBBING_MM, beyond(0.0, uncut[row[p], AMOUNT]))
-        _, got, _ = _on_its_ways(geometry[p], above, -RUBBING_MM, enough, first, stock, highest, past, doubtful, room, spot,
+        _, got, _ = _on_its_ways(geometry[p], above, -RUBBING_MM, enough, 0.0, first, stock, highest, past, doubtful, room, spot,
                                  SEEN_BUDGET)
         if got < -RUBBING_MM:
             _keep_worst(uncut, row[p], -got, spot[X], spot[Y], spot[Z])
@@ -443,7 +462,8 @@ def run(geometry, row, cutter, is_rapid, cutters, parts, kinds, wanted, touch, l
             enough = max(limit, worth_less(least[ATTAINED])) if kind == HOLDER else limit
             if kind != RAPID and worst[kind, row[p], AMOUNT] > 0.0:     # this move touches already: how much deeper?
                 enough = min(enough, beyond(wanted[kind], worst[kind, row[p], AMOUNT]))
-            proven, got, in_doubt = _on_its_ways(geometry[p], part, limit, enough, p, stock, highest, past, doubtful, room,
+            near = NEAR_SHARE * LEAST_MM if kind == HOLDER else 0.0
+            proven, got, in_doubt = _on_its_ways(geometry[p], part, limit, enough, near, p, stock, highest, past, doubtful, room,
                                                  spot, SEEN_BUDGET if unsure[row[p]] else BUDGET)
             if kind == HOLDER:
                 least[PROVEN] = min(least[PROVEN], proven)

@@ -86,7 +86,7 @@ def _entry(p, n, d, limit, g, a, rc):
 
 @njit
 def _entry_by_steps(p, n, d, limit, g, a, rc):
-    """As `_entry`, past the back of an arc or the inner side of a level one: by steps as long as the distance, the last straight."""
+    """As `_entry`, past the back of an arc or the inner side of a level one: by steps as long as the distance."""
     before, t = d, d
     for step in range(2 * MORE_PATIENT_STEPS):
         if t >= limit:
