@@ -23,7 +23,8 @@ FOOT_ADVICE = ("a cutter of the program fits here, though no ball of the shop do
                "wall pass down to the floor")
 FLUTES_ADVICE = ("it stands beside the cutter's neck, above flutes that end below it: take a cutter whose flutes are as long as "
                  "the wall is high, or cut the wall from above in steps no deeper than the flutes")
-NARROW_ADVICE = f"no cutter of the shop is narrow enough to come there; add one to the file of --cutters: {SMALLER}"
+NARROW_ADVICE = ("no cutter of the shop is narrow enough, and sticks out far enough, to come there (`instead_of` in plan.json says "
+                 f"what was tried); add one to the file of --cutters: {SMALLER}")
 DOWNWARD_ADVICE = "it faces away from the tool; give it to a setup that looks at it"
 MISSED = 5.0              # an area is missing, not just rough, when it stands this many tolerances proud
 MISSED_MM2 = 1.0
