@@ -87,17 +87,17 @@ def _entry(p, n, d, limit, g, a, rc):
 @njit
 def _entry_by_steps(p, n, d, limit, g, a, rc):
     """As `_entry`, past the back of an arc or the inner side of a level one: by steps as long as the distance."""
-    before, t = d, d
+    before, way, t = d, d, d
     for step in range(2 * MORE_PATIENT_STEPS):
         if t >= limit:
             return limit
         f = piece_distance(p[X] + t * n[X], p[Y] + t * n[Y], p[Z] + t * n[Z], g, a, rc)
         if f <= SETTLED_MM:
             return t
-        if f * before <= AHEAD_MM * (before - f):          # it has fallen by as much over a way of `before`
-            return min(t + f * before / (before - f), limit)
-        before = f if step < MORE_PATIENT_STEPS else max(f, GRAZING * t + 1e-6)
-        t += before
+        if f * way <= AHEAD_MM * (before - f):
+            return min(t + f * way / (before - f), limit)
+        before, way = f, f if step < MORE_PATIENT_STEPS else max(f, GRAZING * t + 1e-6)
+        t += way
     return limit
 
 
@@ -196,11 +196,11 @@ def _leave_by_steps(p, n, t, d, limit, g, a, rc):
     """As `_leave`, where the ray may leave more than once: by steps as long as it is deep."""
     start, step = t, 0
     while d < -SETTLED_MM and t < limit:
-        before = -d if step < MORE_PATIENT_STEPS else max(-d, GRAZING * (t - start) + 1e-6)
-        t += before
+        before, way = d, -d if step < MORE_PATIENT_STEPS else max(-d, GRAZING * (t - start) + 1e-6)
+        t += way
         d = piece_distance(p[X] - t * n[X], p[Y] - t * n[Y], p[Z] - t * n[Z], g, a, rc)
-        if -d * before <= AHEAD_MM * (before + d):
-            return min(t - d * before / (before + d), limit)
+        if 0.0 < -d * way <= AHEAD_MM * (d - before):
+            return min(t - d * way / (d - before), limit)
         step += 1
     return min(t, limit)
 
