@@ -50,6 +50,7 @@ UNCUT = 5                 # kind of part: the neck above the flutes, against wha
 CUTTER, KIND = range(2)         # columns of kinds
 PROVEN, ATTAINED = range(2)     # of the least distance
 ROW, CELL, HEIGHT = range(3)    # arrays of events
+FIRST = 0                       # of a piece's ways
 
 
 @njit
@@ -81,10 +82,10 @@ def lowered(line, by_mm, out):
 @njit
 def ways_of(g, corners, ways):
     """Straight lines that a piece runs along, into ways (MOST_WAYS, 12): how many; level arcs as chords within SAGITTA_MM."""
-    chord(g, ways[0])
+    chord(g, ways[FIRST])
     count = chords_within(g, corners) if g[FORM] == LEVEL_ARC else 1
     for k in range(count if count > 1 else 0):
-        put(ways[k], ways[0])
+        put(ways[k], ways[FIRST])
         ways[k, X0], ways[k, Y0], ways[k, X1], ways[k, Y1] = corners[k, X], corners[k, Y], corners[k + 1, X], corners[k + 1, Y]
     return count
 
@@ -222,13 +223,13 @@ def _against_stock(line, part, wanted, enough, before, stock, highest, past, dou
 def _depth_in_box(g, part, box, room):
     """As `_fixture_depth` over a piece: of a level arc its chord with the part grown, where that is clear, else all its chords."""
     _, corners, ways, grown, _ = room
-    chord(g, ways[0])
-    sagitta = level_sagitta(g)
+    line, sagitta = ways[FIRST], level_sagitta(g)
+    chord(g, line)
     if sagitta == 0.0:
-        return _fixture_depth(ways[0], part, box)
+        return _fixture_depth(line, part, box)
     put(grown, part)
     grown[GROW] += sagitta
-    deepest = _fixture_depth(ways[0], grown, box)
+    deepest = _fixture_depth(line, grown, box)
     if deepest > -sagitta:
         deepest = -math.inf
         for k in range(ways_of(g, corners, ways)):
@@ -243,7 +244,7 @@ def _on_its_ways(g, part, wanted, enough, near, before, stock, highest, past, do
     Grown by no more than `near` it also says how near the part comes, where that is no contact.
     """
     space, corners, ways, grown, here = room
-    line, sagitta = ways[0], level_sagitta(g)
+    line, sagitta = ways[FIRST], level_sagitta(g)
     chord(g, line)
     if sagitta == 0.0:
         return _against_stock(line, part, wanted, enough, before, stock, highest, past, doubtful, space, spot, budget)
@@ -388,12 +389,13 @@ def _meet_uncut(first, end, part, geometry, row, stock, highest, past, doubtful,
     never meet what their shadow has taken from the map before it.  No flute of the stretch comes above those of its highest
     piece.
     """
-    above, top = part.copy(), -math.inf
+    _, _, ways, _, _ = room
+    line, above, top = ways[FIRST], part.copy(), -math.inf
     for p in range(first, end):
         top = max(top, max(geometry[p, Z0], geometry[p, Z1]))
     for p in range(first, end):
-        chord(geometry[p], room[2][0])
-        above[BOTTOM] = part[BOTTOM] + top - min(room[2][0, Z0], room[2][0, Z1])
+        chord(geometry[p], line)
+        above[BOTTOM] = part[BOTTOM] + top - min(line[Z0], line[Z1])
         enough = min(-RUBBING_MM, beyond(0.0, uncut[row[p], AMOUNT]))
         _, got, _ = _on_its_ways(geometry[p], above, -RUBBING_MM, enough, 0.0, first, stock, highest, past, doubtful, room, spot,
                                  SEEN_BUDGET)
@@ -426,6 +428,7 @@ def run(geometry, row, cutter, is_rapid, cutters, parts, kinds, wanted, touch, l
     tiles = np.empty(((len(bounds) + TILE - 1) // TILE, (bounds.shape[1] + TILE - 1) // TILE))
     stock = z, bounds, sure, tiles, xs, ys
     doubtful, space = np.empty(bounds.size, np.int64), search_space()
+    (_, _, spare), _ = space
     room = space, chord_room(), np.empty((MOST_WAYS, 12)), np.empty(5), np.empty(3)
     for tj in range(len(tiles)):
         for ti in range(tiles.shape[1]):
@@ -484,7 +487,7 @@ def run(geometry, row, cutter, is_rapid, cutters, parts, kinds, wanted, touch, l
                     _keep_worst(worst[LOW], row[p], spot[Z] - piece_height(spot[X], spot[Y], low, a, rc), spot[X],
                                 spot[Y], spot[Z])
         events, count = _cut(geometry[p], a, rc, row[p], is_rapid[p], touch, stock, heights, worst[RAPID], events,
-                             count, space[0][2])
+                             count, spare)
     for r in range(len(uncut)):
         if uncut[r, AMOUNT] > max(worst[SHANK, r, AMOUNT], 0.0):
             put(worst[SHANK, r], uncut[r])

@@ -77,7 +77,7 @@ def sunk(text):
 
 def test_verified_says_gouge_cusp_and_bound(boss, verify):
     code, out, _ = verify(boss.folder)
-    assert code == 0 and re.match(r"boss: VERIFIED, gouge 0\.00\d\d, cusp 0\.0\d{3}, error bound 0\.00107 mm \(", out)
+    assert code == 0 and re.match(r"boss: VERIFIED, gouge 0\.00\d\d, cusp 0\.0\d{3}, error bound 0\.00105 mm \(", out)
 
 
 def test_a_changed_program_is_judged_and_named(boss, verify, tmp_path):
