@@ -33,6 +33,7 @@ from cuspline.shop.presets import preset_of
 from cuspline.stock.workpiece import Workpiece
 from cuspline.surfaces.curvature import sample_faces, tightest_hollow
 from cuspline.surfaces.patches import PatchSet
+from cuspline.surfaces.prismatic_features import neighbours_of
 from cuspline.surfaces.projection import ClosestTree
 from cuspline.surfaces.sections import SectionPlane
 from cuspline.surfaces.threaded_walls import faces_with_threads, threaded_walls
@@ -373,6 +374,11 @@ class PlanningContext:
     def _closest_of_part(self):
         """The same of the part as it lies in its own frame."""
         return self.design.once("closest", lambda: ClosestTree.of_faces(self._faces_of_part, geometry=self._geometry_of_part))
+
+    @property
+    def neighbours(self):
+        """[[prismatic_features.Neighbour]] of every face."""
+        return self.once("neighbours", lambda: neighbours_of(self.faces))
 
     def faces_near(self, points_mm):
         """(n,) index of the face that is nearest to points (n, 3), part coordinates."""

@@ -24,7 +24,7 @@ from cuspline.planning.strategies.drill import Drill
 from cuspline.planning.strategies.pocket import Pocket
 from cuspline.planning.strategies.ream import Ream
 from cuspline.planning.strategies.slot import Slot
-from cuspline.surfaces.prismatic_features import SMOOTH_SINE, features_of, neighbours_of
+from cuspline.surfaces.prismatic_features import SMOOTH_SINE, features_of
 from cuspline.toolpaths.prismatic.upright_walls import upright_walls
 from cuspline.values.amounts import counted
 from cuspline.values.errors import PlanError, ToolpathError
@@ -156,7 +156,7 @@ def outline_faces(work, left):
     """Upright ones among some faces that stand on nothing: outlines and windows, all whose other neighbours fall away."""
     up = {i: np.abs(work.samples.normal[work.samples.face == i, 2]).max(initial=0.0) for i in left}
     upright = {i for i, most in up.items() if most < UPRIGHT}
-    around = neighbours_of(work.faces) if 0 < len(upright) < len(left) else ()
+    around = work.neighbours if 0 < len(upright) < len(left) else ()
     is_upright = lambda i: i in upright or bool(np.abs(work.faces[i].middle.normal[0, 2]) < UPRIGHT)
     return [i for i in sorted(upright) if around and all(n.sine < -SMOOTH_SINE or is_upright(n.index) for n in around[i])]
 
@@ -183,7 +183,7 @@ def contoured(work, made, walls):
 
 def _joined(work, walls):
     """[faces of walls that follow one another], those with the first face first."""
-    around, left, found = neighbours_of(work.faces), sorted(walls), []
+    around, left, found = work.neighbours, sorted(walls), []
     while left:
         mine, more = set(), [left[0]]
         while more:

@@ -13,7 +13,7 @@ from cuspline.planning.context import path_tolerance_mm
 from cuspline.planning.cutter_choice import choose_cutter
 from cuspline.planning.freeform_finishing import LEVEL, SAME_MM, TERRACE_SHARE, link_rules
 from cuspline.program.program import Moves, MoveWriter
-from cuspline.surfaces.prismatic_features import SMOOTH_SINE, neighbours_of
+from cuspline.surfaces.prismatic_features import SMOOTH_SINE
 from cuspline.toolpaths.contact.contacts import NO_FACE
 from cuspline.toolpaths.drop.droppers import Dropper
 from cuspline.toolpaths.freeform.parallel_passes import Bearing
@@ -288,9 +288,8 @@ def _region(work, tool, faces):
     low, high = np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
     dropper = work.dropper_with(tool, work.operation.allowance_mm)
     tip_z = float(work.faces[faces[0]].middle.point_mm[0, 2]) + work.operation.allowance_mm
-    around = work.once("neighbours", lambda: neighbours_of(work.faces))
     for i, (first, last) in zip(faces, boxes):
-        smooth = {n.index for n in around[i] if abs(n.sine) <= SMOOTH_SINE}
+        smooth = {n.index for n in work.neighbours[i] if abs(n.sine) <= SMOOTH_SINE}
         dropper = FloorDropper(dropper, i, smooth, tip_z, (first[:2], last[:2]))
     radius = tool.cutter.radius_mm
     try:

@@ -14,7 +14,7 @@ from cuspline.replay.replay_stock import LEAF
 from cuspline.replay.replay_stops import Standing, stop_findings
 from cuspline.replay.scene import FinishedDesign, Fixture, SolidFixture, Surroundings
 from cuspline.shop.cutters import POINTED
-from cuspline.stock.path_pieces import ARC, LEVEL_ARC, Z0, Z1, pieces_of
+from cuspline.stock.path_pieces import Z0, Z1, kept_by, pieces_of
 from cuspline.stock.swept import CLOSED_UPWARD
 from cuspline.stock.tree import least_under, morton_order
 from cuspline.values import fixed_math as fixed
@@ -322,8 +322,7 @@ def _in_columns(geometry, lifts_mm):
 
 def _pieces(posted, rows, tool):
     """A plunge is cut in steps of half a flute length: the neck enters what the flutes have cut before."""
-    kept = (ARC, LEVEL_ARC) if tool.cutter.type == "ball" else (LEVEL_ARC,)
-    return pieces_of(posted, rows, kept, deepest_mm=tool.cutter.flute_length_mm / 2)
+    return pieces_of(posted, rows, kept_by(tool.cutter), deepest_mm=tool.cutter.flute_length_mm / 2)
 
 
 def surely_cut(cutter):

@@ -31,7 +31,7 @@ from cuspline.replay.replay_stock import (
 )
 from cuspline.stock.distance_kernels import corner_distance
 from cuspline.stock.height_kernels import piece_height
-from cuspline.stock.level_arcs import MOST_WAYS, chord_room, chords_within, level_cover, level_sagitta
+from cuspline.stock.level_arcs import MOST_WAYS, chord_count, chord_room, chords_within, level_cover, level_sagitta
 from cuspline.stock.path_pieces import ARC, FORM, LEVEL_ARC, LINE, RADIUS, SIDE, X0, X1, Y0, Y1, Z0, Z1
 from cuspline.stock.tree import CORNER_RADIUS, FLAT_RADIUS
 from cuspline.values.compiled import njit
@@ -95,7 +95,7 @@ def chords(geometry):
     """(k, 6) ends of the straight lines of all pieces, see `ways_of`, and the piece (k,) that each is of."""
     corners, ways, count = chord_room(), np.empty((MOST_WAYS, 12)), 0
     for p in range(len(geometry)):
-        count += ways_of(geometry[p], corners, ways)
+        count += chord_count(geometry[p])
     lines, of, k = np.empty((count, 6)), np.empty(count, np.int64), 0
     for p in range(len(geometry)):
         for way in range(ways_of(geometry[p], corners, ways)):
@@ -220,8 +220,8 @@ def _against_stock(line, part, wanted, enough, before, stock, highest, past, dou
 
 
 @njit
-def _depth_in_box(g, part, box, room):
-    """As `_fixture_depth` over a piece: of a level arc its chord with the part grown, where that is clear, else all its chords."""
+def _depth_in_box(g, part, box, touch, room):
+    """As `_fixture_depth` over a piece: of a level arc its chord with the part grown, where that is clear by `touch`, else all."""
     _, corners, ways, grown, _ = room
     line, sagitta = ways[FIRST], level_sagitta(g)
     chord(g, line)
@@ -230,7 +230,7 @@ def _depth_in_box(g, part, box, room):
     put(grown, part)
     grown[GROW] += sagitta
     deepest = _fixture_depth(line, grown, box)
-    if deepest > -sagitta:
+    if deepest > -touch:
         deepest = -math.inf
         for k in range(ways_of(g, corners, ways)):
             deepest = max(deepest, _fixture_depth(ways[k], part, box))
@@ -452,7 +452,7 @@ def run(geometry, row, cutter, is_rapid, cutters, parts, kinds, wanted, touch, l
                 continue
             part, kind = parts[c], kinds[c, KIND]
             for f in range(len(boxes)):
-                depth = _depth_in_box(geometry[p], part, boxes[f], room)
+                depth = _depth_in_box(geometry[p], part, boxes[f], touch, room)
                 if kind == RAPID:                # thinner than the flutes by the touch, all round
                     depth += touch
                 _keep_worst(worst[FIXTURE], row[p], depth, line[X1], line[Y1], boxes[f, HIGH_Z])

@@ -14,7 +14,7 @@ from cuspline.stock.path_pieces import CENTER_U, CENTER_V, FORM, LEVEL_ARC, LINE
 from cuspline.values.compiled import njit
 from cuspline.values.rows import X, Y, put
 
-MOST_WAYS = 64            # chords of one piece: path_pieces.LEVEL_SAGITTA_MM over SAGITTA_MM, and its root
+MOST_WAYS = 64            # chords of one piece: a power of two no less than the root of LEVEL_SAGITTA_MM / SAGITTA_MM, which is 50
 
 
 @njit
@@ -70,11 +70,18 @@ def level_sagitta(g):
 
 
 @njit
-def chords_within(g, corners):
-    """How many chords of a level arc keep within SAGITTA_MM of it, a power of two; their corners into (MOST_WAYS + 1, 2)."""
+def chord_count(g):
+    """How many chords of a level arc keep within SAGITTA_MM of it, a power of two; 1: of other pieces."""
     count, sagitta = 1, level_sagitta(g)
     while sagitta > SAGITTA_MM and count < MOST_WAYS:
         count, sagitta = 2 * count, 0.25 * sagitta
+    return count
+
+
+@njit
+def chords_within(g, corners):
+    """The corners of a level arc's chords into (MOST_WAYS + 1, 2); how many chords, see `chord_count`."""
+    count = chord_count(g)
     corners[0, X], corners[0, Y], corners[count, X], corners[count, Y] = g[X0], g[Y0], g[X1], g[Y1]
     step = count
     while step > 1:

@@ -8,8 +8,8 @@ A piece is a row of twelve numbers, cutter tip in the WCS, mm:
     SIDE                        arcs: +1 above their centre, -1 below it
     FORM                        LINE; ARC in a vertical plane; LEVEL_ARC at one height
 
-Which arcs stay arcs, the caller says: a ball's can in a vertical plane, every upright cutter's at one height.  No piece of an arc
-is longer than ARC_ANGLE_RAD or leads past a quarter of its circle.  All others become chords.
+Arcs of a ball in a vertical plane can stay arcs, and those of every upright cutter at one height (`kept_by`).  No piece of them is
+longer than ARC_ANGLE_RAD or leads past a quarter of its circle.  All others become chords.
 """
 
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ from cuspline.values.errors import SimulationError
 
 SAGITTA_MM = 2e-5         # chords of arcs that cannot stay arcs; also half the radius step of a spiral's pieces
 ARC_ANGLE_RAD = np.pi / 12    # longest arc piece: keeps the bounding planes of the tree tight
-LEVEL_SAGITTA_MM = 0.05   # of one at one height: nearly its chord, to who looks from afar
+LEVEL_SAGITTA_MM = 0.05   # of one at one height: the replay looks at its chord first, the tool larger by so much
 QUARTER = np.pi / 2
 X0, Y0, Z0, X1, Y1, Z1, IN_YZ, CENTER_U, CENTER_V, RADIUS, SIDE, FORM = range(12)
 LINE, ARC, LEVEL_ARC = 0.0, 1.0, 2.0
@@ -47,13 +47,18 @@ class Pieces:
         return len(self.row)
 
 
+def kept_by(cutter):
+    """Forms besides LINE that an upright cutter's pieces can have, see `pieces_of`."""
+    return (ARC, LEVEL_ARC) if cutter.type == "ball" else (LEVEL_ARC,)
+
+
 def pieces_of(posted, rows, kept=(), longest_mm=np.inf, deepest_mm=np.inf):
     """Pieces of the given moves, in order.
 
     Args:
         posted: PostedMoves.
         rows: (k,) rows with known start and end, growing.
-        kept: forms besides LINE that may come out: ARC, LEVEL_ARC.
+        kept: forms besides LINE that may come out: ARC, LEVEL_ARC.  All other arcs become chords.
         longest_mm: lines and arcs are split so that no piece is longer, seen from above.
         deepest_mm: lines are split so that no piece drops by more.
     Raises:

@@ -21,7 +21,7 @@ import numpy as np
 from cuspline.program.program import Kind
 from cuspline.shop.cutters import Tool
 from cuspline.stock import rays, tracing, tree
-from cuspline.stock.path_pieces import ARC, CENTER_V, FORM, LEVEL_ARC, Z0, Z1, chorded, pieces_of
+from cuspline.stock.path_pieces import ARC, CENTER_V, FORM, Z0, Z1, chorded, kept_by, pieces_of
 from cuspline.stock.tilted import PosedPath, path_of_pieces, posed_forest, posed_path
 from cuspline.stock.tilted_pieces import upright_pieces
 from cuspline.values.arrays import for_kernel, frozen
@@ -160,7 +160,7 @@ def is_height_field(paths):
 def _swept(posted, rows, tool):
     cutter = tool.cutter
     a = 0.0 if cutter.type == "ball" else cutter.radius_mm - cutter.corner_radius_mm
-    pieces = pieces_of(posted, rows, (ARC, LEVEL_ARC) if cutter.type == "ball" else (LEVEL_ARC,), LONGEST_RADII * cutter.radius_mm)
+    pieces = pieces_of(posted, rows, kept_by(cutter), LONGEST_RADII * cutter.radius_mm)
     g = pieces.geometry
     low = np.minimum(g[:, 2], g[:, 5])
     order = tree.halved_order(np.column_stack([g[:, 0] + g[:, 3], g[:, 1] + g[:, 4], 2 * low]) / 2, tree.WIDTH)

@@ -4,7 +4,7 @@ import numpy as np
 
 from cuspline.stock.height_kernels import piece_height
 from cuspline.stock.level_arcs import MOST_WAYS, chord_room, chords_within, level_cover, level_sagitta
-from cuspline.stock.path_pieces import ARC_ANGLE_RAD, LEVEL_ARC, LEVEL_SAGITTA_MM, SAGITTA_MM
+from cuspline.stock.path_pieces import ARC_ANGLE_RAD, LEVEL_ARC, LEVEL_SAGITTA_MM, RADIUS, SAGITTA_MM
 
 CENTER = np.array([2.0, -1.0])
 
@@ -13,7 +13,7 @@ def level_arcs(rng, count):
     """Rows of pieces as they come out of path_pieces, within a quarter of their circle."""
     for _ in range(count):
         r = rng.choice([0.3, 2.0, 5.0, 60.0])
-        turn = rng.uniform(0.001, min(ARC_ANGLE_RAD, 2 * np.arccos(1 - LEVEL_SAGITTA_MM / r) if r > 0.05 else 1))
+        turn = rng.uniform(0.001, min(ARC_ANGLE_RAD, 2 * np.arccos(1 - LEVEL_SAGITTA_MM / r)))
         at = rng.integers(4) * np.pi / 2 + rng.uniform(0, np.pi / 2 - turn)
         ends = CENTER + r * np.array([np.cos([at, at + turn]), np.sin([at, at + turn])]).T
         yield np.array([*ends[0], -3.0, *ends[1], -3.0, 0, *CENTER, r, 0, LEVEL_ARC])
@@ -39,7 +39,7 @@ def test_chords_of_a_level_arc_keep_within_the_sagitta_and_lie_on_it():
         count = chords_within(g, corners)
         assert level_sagitta(g) <= LEVEL_SAGITTA_MM + 1e-9 and count <= MOST_WAYS
         away = corners[:count + 1] - CENTER
-        assert np.abs(np.hypot(*away.T) - g[9]).max() < 1e-12 * (1 + g[9])
+        assert np.abs(np.hypot(*away.T) - g[RADIUS]).max() < 1e-12 * (1 + g[RADIUS])
         middle = (corners[:count] + corners[1:count + 1]) / 2 - CENTER
-        assert (g[9] - np.hypot(*middle.T)).max() <= SAGITTA_MM * 1.0001
+        assert (g[RADIUS] - np.hypot(*middle.T)).max() <= SAGITTA_MM * 1.0001
         assert (corners[0] == g[:2]).all() and (corners[count] == g[3:5]).all()

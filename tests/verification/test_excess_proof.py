@@ -21,7 +21,7 @@ from cuspline.stock.workpiece import Workpiece
 from cuspline.toolpaths.five_axis.corner_contact import CornerContact
 from cuspline.values.frames import Frame
 from cuspline.verification.climbing import Ground
-from cuspline.verification.excess_kernels import _posed_corners, _straightened, least_largest
+from cuspline.verification.excess_kernels import MORE, _posed_corners, _straightened, least_largest
 from cuspline.verification.excess_proof import LEAST_SHARE, is_bare, prove_excess
 
 R, STEP = 5.0, 0.6
@@ -291,7 +291,7 @@ def test_the_bulge_of_a_turning_sub_step_covers_its_distances():
 
 
 def test_a_tangent_sweeps_no_more_than_its_arc_and_as_much_at_the_place():
-    rng, out = np.random.default_rng(2), np.empty(13)
+    rng, out = np.random.default_rng(2), np.empty(MORE + 1)
     for _ in range(300):
         u = np.sort(rng.uniform(-1, 1, 2)) * 9
         g = np.array([u[0], 0.5, np.sqrt(81 - u[0]**2), u[1], 0.5, np.sqrt(81 - u[1]**2), 0, 0, 0, 9, 1, 1.0])
@@ -299,12 +299,12 @@ def test_a_tangent_sweeps_no_more_than_its_arc_and_as_much_at_the_place():
         _straightened(g, 2.0, *place, 1.0, out)
         points = rng.uniform(-12, 12, (50, 3))
         straight_mm, round_mm = (np.array([piece_distance(*p, h, 0.0, 2.0) for p in points]) for h in (out, g))
-        assert out[12] == 0.0 and (straight_mm >= round_mm - 1e-9).all()
+        assert out[MORE] == 0.0 and (straight_mm >= round_mm - 1e-9).all()
 
 
 def test_a_line_beside_a_level_arc_and_what_it_may_be_off_bound_the_distance_to_the_arc():
     """Everywhere from above; for places within the stated reach no worse than twice what is added."""
-    rng, out = np.random.default_rng(5), np.empty(13)
+    rng, out = np.random.default_rng(5), np.empty(MORE + 1)
     for k in range(600):
         r, at, turn = rng.choice([0.3, 4.0, 60.0]), rng.uniform(0, 7), rng.uniform(0.001, ARC_ANGLE_RAD)
         ends = r * np.array([np.cos([at, at + turn]), np.sin([at, at + turn])]).T + (2, -1)
@@ -312,12 +312,12 @@ def test_a_line_beside_a_level_arc_and_what_it_may_be_off_bound_the_distance_to_
         a, rc = [(0.0, 3.0), (2.0, 1.0), (3.0, 0.0)][k % 3]
         place, reach = np.array([*(ends.mean(axis=0) + rng.normal(0, 2, 2)), rng.uniform(-4, 0)]), rng.choice([0.01, 0.3])
         _straightened(g, rc, *place, reach, out)
-        assert out[FORM] == LINE and out[12] <= 0.26 * turn * turn * r
+        assert out[FORM] == LINE and out[MORE] <= 0.26 * turn * turn * r
         points = np.vstack([rng.uniform(-12, 12, (40, 3)), place + rng.uniform(-1, 1, (40, 3)) * reach / 2])
         line_mm, arc_mm = (np.array([piece_distance(*p, h, a, rc) for p in points]) for h in (out, g))
-        assert (line_mm + out[12] >= arc_mm - 1e-12).all()
+        assert (line_mm + out[MORE] >= arc_mm - 1e-12).all()
         if np.hypot(*(place[:2] - (2, -1))) > 2 * reach:
-            assert (line_mm[40:] - arc_mm[40:]).max() <= out[12] + 1e-12
+            assert (line_mm[40:] - arc_mm[40:]).max() <= out[MORE] + 1e-12
 
 
 def test_the_mean_of_pieces_is_as_good_as_the_best_of_random_means():
