@@ -113,7 +113,7 @@ class Beside:
     holes: tuple = ()             # of the part there, as in SampledFaces
 
 
-def residuals(piece, sampled, closest, ball_radius_mm, allowed_mm, kept=NOTHING):
+def residuals(piece, sampled, closest, ball_radius_mm, allowed_mm, gouge_mm, kept=NOTHING):
     """Deviations and reach of all samples, clamping by clamping, and of the tops and bottoms between them.
 
     Args:
@@ -122,15 +122,16 @@ def residuals(piece, sampled, closest, ball_radius_mm, allowed_mm, kept=NOTHING)
         closest: ClosestTree of the design, part coordinates; needed where cutters undercut or lean.
         ball_radius_mm: smallest ball of the shop.
         allowed_mm: largest deviation of a finished point.
+        gouge_mm: deepest that a cut may go.
         kept: kept.Kept for what takes long.
     Returns:
         list of (Residuals of its faces after all clampings, Residuals of all faces after it alone).
     """
     parts, feeds = ([getattr(s, name) for s in sampled] for name in ("samples", "feeds"))
     reach_at = lambda k, own: sampled[k].reach(piece.cuts[k], own.points_mm, own.normals, own.face, closest, ball_radius_mm)
-    looked = _Looked.at(piece, parts, reach_at, kept)
+    looked = _Looked.at(piece, parts, reach_at, gouge_mm, kept)
     more = [_tops(piece, k, looked, feeds, s) for k, s in enumerate(sampled)]
-    beyond = _Looked.at(piece, more, reach_at, kept)
+    beyond = _Looked.at(piece, more, reach_at, gouge_mm, kept)
     every = Samples.joined([p for pair in zip(parts, more) for p in pair])
     climbed = np.concatenate([np.full(len(p), flag) for pair in zip(parts, more) for flag, p in zip((False, True), pair)])
     found = []
@@ -173,13 +174,15 @@ class _Looked:
     reach: list               # (n,) in the clamping of the same number
 
     @classmethod
-    def at(cls, piece, parts, reach_at, kept):
+    def at(cls, piece, parts, reach_at, gouge_mm, kept):
         together = Samples.joined(parts)
         points, normals = together.points_mm, together.normals
         each, rows = piece.deviations_of_cuts(points, normals, LIMIT_MM, kept.of(deviations_and_moves))
         final, maker = piece.deviations(points, normals, LIMIT_MM, each)
-        depth = np.array([_at_rims(d, together, c.paths, c.frame) for d, c in zip(each, piece.cuts)])
-        final = np.where(together.is_border & (len(piece.cuts) > 1), np.maximum(final, depth.min(axis=0)),
+        depth = np.array([_at_edges(d, together, c.paths, c.frame, gouge_mm) for d, c in zip(each, piece.cuts)])
+        deepest = depth.min(axis=0)
+        is_edge = together.is_border | ((final < -gouge_mm) & (deepest >= -gouge_mm))
+        final = np.where(is_edge & (len(piece.cuts) > 1), np.maximum(final, deepest),
                          final if len(piece.cuts) > 1 else depth[0])
         ends = np.cumsum([len(p) for p in parts])[:-1]
         reach = [reach_at(k, own) for k, own in enumerate(parts)]
@@ -255,15 +258,17 @@ def _stands(cut, apart_mm):
             for p in upright_paths(cut.paths) if p.corner_radius_mm > 0]
 
 
-def _at_rims(deviation, samples, paths, frame):
-    """Deviations with gouges at the faces' rims measured another way.
+def _at_edges(deviation, samples, paths, frame, gouge_mm):
+    """Deviations with gouges at edges measured another way: as far as the point lies from the nearest material.
 
-    An edge has no one normal: along its face's a hair taken off the face beside it would look as deep as that is high.
-    There a gouge counts as far as the point lies from the nearest material.
+    A rim has no one normal: along its face's a hair taken off the face beside it would look as deep as that is high.  Inside a face
+    the same holds beside an edge that is thinner than the cut is deep: 0.0005 mm off a razor's edge look as deep as the air behind
+    it.  There it counts where it tells that the cutter goes no deeper than it may; where it goes deeper, the normal's is kept.
     """
-    out = deviation.copy()
-    rim = np.flatnonzero(samples.is_border & (out < 0))
-    out[rim] = np.maximum(out[rim], np.minimum(signed_distance_mm(paths, frame.into(samples.points_mm[rim])), 0.0))
+    out, beyond = deviation.copy(), np.flatnonzero(deviation < np.where(samples.is_border, 0.0, -gouge_mm))
+    near = np.minimum(signed_distance_mm(paths, frame.into(samples.points_mm[beyond])), 0.0)
+    counts = samples.is_border[beyond] | (near >= -gouge_mm)
+    out[beyond[counts]] = np.maximum(out[beyond], near)[counts]
     return out
 
 

@@ -225,7 +225,7 @@ def first_look(programs, solid, judging):
     for c in clampings:
         judging.say(f"{c.name}: {len(c.samples):,} samples against {len(c.program.posted):,} moves, and tops between them")
     found = residuals(part.piece, [c.sampled for c in clampings], part.closest, part.ball_radius_mm,
-                      allowed_mm(judging.finish), judging.kept)
+                      allowed_mm(judging.finish), judging.finish.gouge_mm, judging.kept)
     return FirstLook(part=part, clampings=clampings, judging=judging, residuals=found)
 
 

@@ -60,7 +60,7 @@ def cut(seed):
                             feeds=frame.turn_out(posted.end_mm - posted.start_mm),
                             drops=drop_mesh(frame.into(mesh.vertices_mm), mesh.triangles))
                for shapes, ground, (posted, frame) in zip((up, down), grounds, programs)]
-    found = residuals(piece, sampled, None, 3.0, 0.01)
+    found = residuals(piece, sampled, None, 3.0, 0.01, 0.003)
     return programs, [after_all for after_all, _ in found]
 
 
