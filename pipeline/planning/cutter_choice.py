@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cuspline.planning.tool_depth import ROUNDING_MM, clear_tips_mm, is_clear_above, missing_stick_out_mm
+from cuspline.planning.tool_depth import ROUNDING_MM, clear_tips_mm, is_clear_above, missing_stick_out_mm, too_short
 from cuspline.shop.cutters import Tool
 from cuspline.toolpaths.drop.dropcutter import drop_tips_mm, is_held_above
 from cuspline.values import fixed_math as fixed
@@ -128,8 +128,7 @@ def choose_ball(library, samples, hollow_radius_mm, mesh, stock_mm, work=None):
         elif too_large:
             reason = too_large
         elif missing > 0:
-            reason = (f"holder or shank would touch the part: stick-out {tool.stick_out_mm:.1f} mm is "
-                      f"{missing:.2f} mm short")
+            reason = too_short(tool, missing)
         else:
             chosen, reach, reason = tool, mine, (
                 f"largest that fits: radius {tool.cutter.radius_mm:.3f} mm, minimum concave radius {hollow_radius_mm:.3f} mm"
@@ -166,7 +165,7 @@ def choose_cutter(title, tools, samples, hollow_radius_mm, look, work, worth_sha
         if not reason and not missing and not is_reached.any():
             reason = "touches none of the faces without cutting into others"
         elif not reason and missing > 0:
-            reason = f"holder or shank would touch the part: stick-out {tool.stick_out_mm:.1f} mm is {missing:.2f} mm short"
+            reason = too_short(tool, missing)
         looked.append((Candidate(
             tool=tool, is_chosen=False, reason=reason or "", is_fitting=too_large is None, missing_stick_out_mm=missing,
             area_left_mm2=samples.area_mm2[~is_reached].sum(), **work.figures(tool, samples, is_reached)), is_reached))
@@ -256,7 +255,7 @@ def choose_rest_ball(library, samples, reach, mesh, largest_radius_mm, stock_mm)
         missing = missing_stick_out_mm(tool, mine.tip_mm[new], mesh, stock_mm)
         if missing > 0:
             candidates.append(Candidate(tool=tool, is_chosen=False, missing_stick_out_mm=missing, area_left_mm2=still,
-                                        reason=f"holder or shank would touch: stick-out {missing:.2f} mm short"))
+                                        reason=too_short(tool, missing)))
             continue
         chosen, adds = tool, new
         candidates.append(Candidate(tool=tool, is_chosen=True, missing_stick_out_mm=0.0, area_left_mm2=still, reason=(

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cuspline.planning.cutter_choice import FIT_SHARE, LEVEL, ROUND, WORTH_SHARE, Candidate, ball_reach
-from cuspline.planning.tool_depth import missing_stick_outs_mm
+from cuspline.planning.tool_depth import missing_stick_outs_mm, too_short
 from cuspline.scallop.stepover import stepover_for_scallop_mm
 from cuspline.shop.cutters import Tool
 from cuspline.values.arrays import frozen
@@ -106,7 +106,7 @@ def _why_none(tools, missing):
     """
     if not tools:
         return "it has none. Add balls to the file of --cutters"
-    reasons = "; ".join(f"T{t.number} {t.cutter.name}: " + (f"{m:.2f} mm of stick-out short" if m > 0 else "gets in nowhere")
+    reasons = "; ".join(f"T{t.number} {t.cutter.name}: " + (too_short(t, m) if m > 0 else "gets in nowhere")
                         for t, m in zip(tools, missing))
     if any(missing):
         return f"{reasons}. Add a smaller or longer ball to the file of --cutters"
@@ -165,7 +165,7 @@ def _table(tools, reached, missing, links, samples, work):
         if link is not None:
             reason = f"adds {link.area_added_mm2:.1f} mm², leaves {link.area_left_mm2:.1f} mm²"
         elif not rows_reached.any():
-            reason = f"clears nowhere: stick-out {short:.2f} mm short" if short else "fits nowhere"
+            reason = f"clears nowhere: {too_short(tool, short)}" if short else "fits nowhere"
         else:
             reason = "the chain is not faster with it"
         rows.append(Candidate(tool=tool, is_chosen=link is not None, reason=reason, missing_stick_out_mm=short,

@@ -67,6 +67,12 @@ def missing_stick_outs_mm(tool, tips_mm, mesh, stock_mm, least_mm=0.0):
     return worst
 
 
+def too_short(tool, missing_mm):
+    """In words, what keeps a tool from where its cutter fits: it may be the neck over short flutes, beside what still stands."""
+    lengths = f"flutes {tool.cutter.flute_length_mm:g} mm, stick-out {tool.stick_out_mm:g} mm"
+    return f"{missing_mm:.2f} mm too short, neck, shank or holder would touch ({lengths})"
+
+
 def _wide_frusta(tool, stock_mm):
     """(z0, radius, clearance) of neck, shank and holder where they are wider than the cutter that goes before them."""
     for z0, r0, _, r1 in tool.non_cutting_frusta():

@@ -53,7 +53,7 @@ def spare_mm(plan):
 
 def test_an_upright_tool_is_too_short_and_a_clearing_one_leans_no_more_than_it_must():
     """Tilted straight away from the wall, no point of the holder's outline may be nearer to it than wanted below its top."""
-    with pytest.raises(CutterDoesNotFit, match="holder or shank would touch"):
+    with pytest.raises(CutterDoesNotFit, match="neck, shank or holder would touch"):
         planned(design(Standing(form="wall", tall_mm=48.0), LeadTilt()))
     plan = beside_the_wall()
     operation, keep = plan.operations[-1], plan.context.practice.rough_allowance_mm + 0.01
