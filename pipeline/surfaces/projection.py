@@ -5,7 +5,7 @@ Every face is cut into pieces that turn little, every edge into stretches; a tre
 distance is then wrong by at most CHORD_MM, and by its square over the distance away from the face.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from cuspline.surfaces.projection_tree import TreeArrays
 from cuspline.surfaces.trims import CHORD_MM, TrimSet
 from cuspline.values.arrays import for_kernel, frozen
 from cuspline.values.errors import PlanError
+from cuspline.values.frames import Frame
 from cuspline.values.threads import in_blocks
 
 SQUARE = 0.999              # cosine of a way to the normal: nearer to 1 the foot is a perpendicular's
@@ -110,6 +111,10 @@ class ClosestTree:
         return ClosestPoints(distance_mm=distance, point_mm=foot, face=owner, u=uv[:, 0], v=uv[:, 1], normal=normal,
                              is_edge=is_edge)
 
+    def seen_from(self, frame):
+        """The same for points in a frame, a Frame as it is seen from this tree's: nothing is made again."""
+        return TurnedTree(tree=self, frame=frame)
+
     def signed_distances_mm(self, points_mm):
         """(n,) distances of points (n, 3) from the faces of a whole part, negative inside it."""
         points = for_kernel(points_mm).reshape(-1, 3)
@@ -147,6 +152,23 @@ class ClosestTree:
         one, other = np.split(np.abs(_cosines(places, found)) + _are_square(places, found), 2)
         best = np.arange(len(points)) + len(points) * (other > one)
         return places[best], found.only(best)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TurnedTree:
+    """A ClosestTree seen from another frame: points go in, places and normals come out in that."""
+
+    tree: ClosestTree
+    frame: Frame                # as it is seen from the tree's
+
+    def closest_points(self, points_mm, face=None):
+        """As ClosestTree's."""
+        found = self.tree.closest_points(self.frame.out(points_mm), face)
+        return replace(found, point_mm=self.frame.into(found.point_mm), normal=self.frame.turn_into(found.normal))
+
+    def signed_distances_mm(self, points_mm):
+        """As ClosestTree's."""
+        return self.tree.signed_distances_mm(self.frame.out(points_mm))
 
 
 def _ways(points, near):

@@ -72,6 +72,7 @@ from cuspline.surfaces.projection_tree import (
     RIGHT,
     TANGENT,
     THICKNESS,
+    TINY_MM,
     WAY_TO_MIDDLE,
     WIDTH_ACROSS,
     WIDTH_ALONG,
@@ -163,7 +164,7 @@ def _visit(tree, patches, trims, q, face, ignore_trim, leaf, out, d, parts, work
     if rows[leaf, LEAF_STATE] < 0:
         is_simple = _is_simple_stretch(geometry[leaf], rx, ry, rz)
     else:
-        is_simple = _is_simple(geometry[leaf], up, along, aside, rx * rx + ry * ry + rz * rz)
+        is_simple = geometry[leaf, FARTHEST] < TINY_MM or _is_simple(geometry[leaf], up, along, aside, rx * rx + ry * ry + rz * rz)
     is_round, least = tree.round[leaf, RADIUS] > 0.0 and not is_simple, 0.0
     if is_round:
         least = least_square(tree.round[leaf], q, d[POINT])

@@ -39,7 +39,8 @@ STRETCH = 1.0           # change of a tangent's length from the middle to the si
 EXTRA = 3               # halvings more for pieces across a border, or whose curvature has a loose bound
 LOOSE = 1.5             # times the middle's curvature
 LEVEL_PER_MM = 1e-3     # curvature that does not matter
-ROUNDS = 24             # halvings at most: a pole is never flat
+TINY_MM = 1e-6          # a piece so small is a leaf, however it bends: at a pole none is ever flat
+ROUNDS = 24             # halvings at most
 LEAF_ITEMS = 2
 SLACK_MM = 1e-9         # boxes and slabs are wider by this: rounding
 MIDDLE, NORMAL, THICKNESS, DUAL_S, DUAL_T = 0, 3, 6, 7, 10                  # columns of a leaf's geometry, see `measure`
@@ -92,7 +93,8 @@ def _face_leaves(patches, trims, face):
         is_flat = (bend[:, :2].max(axis=1) < TURN) & np.isfinite(boxes).all(axis=1)
         is_open = (state == ACROSS) | ~(bend[:, 2] < LOOSE)
         extra = extra + (is_flat & is_open)
-        ready = (is_flat & (~is_open | (extra > EXTRA))) | (level == ROUNDS)
+        is_tiny = (boxes[:, HIGH_X:] - boxes[:, :HIGH_X]).max(axis=1) < TINY_MM
+        ready = (is_flat & (~is_open | (extra > EXTRA))) | is_tiny | (level == ROUNDS)
         rows = np.column_stack([np.full(len(patch), face), patch, state, np.zeros(len(patch), np.int64)])
         done.append((boxes[ready], geometry[ready], rows[ready]))
         go = ~ready

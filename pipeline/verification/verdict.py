@@ -296,6 +296,11 @@ class _LookedAt:
 
         return self._made.once(("drops", within_mm, frame.rotation.tobytes(), frame.origin_mm.tobytes(), repr(left)), made)
 
+    @property
+    def closest(self):
+        """ClosestTree of it."""
+        return self._made.once("closest", lambda: ClosestTree.of_faces(self.faces))
+
     def samples(self, chosen, spacing_mm):
         """Samples of some faces, by their numbers."""
         return self._made.once(("samples", tuple(chosen), spacing_mm),
@@ -332,7 +337,7 @@ class _Part:
     @cached_property
     def surface(self):
         """ClosestTree of the whole part."""
-        return self.closest or ClosestTree.of_faces(brep.faces_of(self.solid))
+        return _looked_at(self.solid).closest
 
     @cached_property
     def gap_mm(self):
@@ -419,7 +424,7 @@ def _laid_out(programs, solid, judging):
                        judging.kept.of(stock_height_mm))
     return _Part(solid=solid, finish=finish, ball_radius_mm=ball_radius_mm - finish.plating_mm, piece=piece,
                  metal=metal, made=made, mesh=mesh,
-                 closest=None if upright else ClosestTree.of_faces(exact)), clampings
+                 closest=None if upright else looked.closest), clampings
 
 
 def _holes(solid, program, tools):

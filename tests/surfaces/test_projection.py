@@ -14,12 +14,13 @@ from OCP.gp import gp_Pnt
 from OCP.TopAbs import TopAbs_IN
 from OCP.TopoDS import TopoDS_Compound
 
-from cuspline.kernel.brep import Face, faces_of, the_solid
+from cuspline.kernel.brep import Face, faces_of, seen_from, the_solid
 from cuspline.surfaces.face_pieces import INSIDE
 from cuspline.surfaces.projection import CHUNK, ClosestTree, refined
-from cuspline.surfaces.projection_tree import RECTANGLE
+from cuspline.surfaces.projection_tree import RECTANGLE, TINY_MM
 from cuspline.surfaces.round_pieces import RADIUS, least_square
 from cuspline.values.errors import PlanError
+from cuspline.values.frames import Frame
 
 SAME_MM = 1e-7
 
@@ -162,6 +163,36 @@ def test_closest_points_turn_with_the_part():
                       for p in points.tolist()])
     a, b = (ClosestTree.of_faces(faces_of(the_solid(p))) for p in (part, turned))
     np.testing.assert_allclose(a.closest_points(points).distance_mm, b.closest_points(there).distance_mm, atol=1e-9)
+
+
+def test_a_tree_seen_from_another_frame_answers_as_one_made_there():
+    """Distances, places, normals and faces of a part turned away, and of the tree of the part that was not."""
+    frame = Frame(rotation=Frame.along(np.array([2.0, -1.0, 2.0]) / 3.0).rotation, origin_mm=np.array([3.0, -7.0, 11.0]))
+    part = the_solid(round_pocket_block())
+    seen, made = ClosestTree.of_faces(faces_of(part)).seen_from(frame), ClosestTree.of_faces(faces_of(seen_from(part, frame)))
+    points = frame.into(np.random.default_rng(1).uniform(-25, 25, (300, 3)))
+    a, b = seen.closest_points(points), made.closest_points(points)
+    np.testing.assert_allclose(a.distance_mm, b.distance_mm, atol=1e-9)
+    np.testing.assert_allclose(seen.signed_distances_mm(points), made.signed_distances_mm(points), atol=1e-9)
+    inside = (np.linalg.norm(a.point_mm - b.point_mm, axis=1) < 1e-6) & ~a.is_edge & ~b.is_edge    # two places may be as near
+    assert inside.sum() > 100 and (a.face == b.face)[inside].mean() > 0.95      # on a border either face is right
+    np.testing.assert_allclose(a.normal[inside], b.normal[inside], atol=1e-6)
+
+
+def test_at_a_pole_no_piece_is_smaller_than_can_be_told_and_distances_stay():
+    """A spline's dome whose rows all end in its top: each octave of size has as many pieces.  A dense grid is no nearer."""
+    poles = wavy_poles(2, height=0.5)
+    poles[0] = poles[0].mean(axis=0)                    # one border shrinks to a point
+    face = face_of(bspline(poles))
+    tree = ClosestTree.of_faces([face])
+    assert np.ptp(tree.boxes.reshape(-1, 2, 3), axis=1).max(axis=1).min() > 0.1 * TINY_MM
+    points = poles[0, 0] + np.random.default_rng(5).normal(0, 1.0, (60, 3))
+    (u0, u1), (v0, v1) = ((k[0], k[-1]) for k in (face.nurbs.knots_u, face.nurbs.knots_v))
+    u, v = (a.ravel() for a in np.meshgrid(u0 + (u1 - u0) * np.linspace(0, 1, 400) ** 3, np.linspace(v0, v1, 200)))
+    dense = tree.patches.derivatives(np.zeros(len(u), int), u, v)[:, 0]
+    nearest = np.linalg.norm(dense[None] - points[:, None], axis=2).min(axis=1)
+    found = tree.closest_points(points).distance_mm
+    assert (found <= nearest + 1e-9).all() and (nearest - found < 0.01).all()
 
 
 def test_many_rows_in_parallel_equal_few():
