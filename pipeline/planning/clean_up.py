@@ -124,7 +124,7 @@ def _tips_mm(tool, foot):
 
 def _missing_mm(work, tool, foot, left_mm):
     """(n,) stick-out that a ball lacks at places."""
-    return missing_stick_outs_mm(tool, _tips_mm(tool, foot), work.mesh, work.standing_beside_mm + left_mm)
+    return missing_stick_outs_mm(tool, _tips_mm(tool, foot), work.mesh, work.practice.rough_allowance_mm + left_mm)
 
 
 def _fits(work, tool, foot):

@@ -405,12 +405,12 @@ class PlanningContext:
         dropper = self.dropper_of(tool.cutter, allowance_mm)
         if not self._is_short(tool):
             return dropper
-        standing = self.standing_beside_mm
+        standing = self.practice.rough_allowance_mm
         return ShortToolDropper(dropper, lambda xy_mm, tips_mm: clear_tips_mm(tool, self.mesh, xy_mm, standing, tips_mm))
 
     def _is_short(self, tool):
         """Whether a holder or shank would touch the part where its cutter touches the faces of the operation."""
-        standing, lowest = self.standing_beside_mm, float(self.samples.point_mm[:, 2].min())
+        standing, lowest = self.practice.rough_allowance_mm, float(self.samples.point_mm[:, 2].min())
         if self._is_clear_above_all(tool, lowest - tool.cutter.corner_radius_mm, standing):
             return False
 
@@ -527,13 +527,6 @@ class PlanningContext:
         thickest = getattr(self.design.stock, "thickest_mm", None)
         return max(highest if thickest is None else min(highest, thickest), self.practice.rough_allowance_mm)
 
-    @property
-    def standing_beside_mm(self):
-        """The most that may stand on the part beside a tool: what roughing leaves, or all of a casting's skin where none roughs."""
-        thickest = getattr(self.design.stock, "thickest_mm", None)
-        is_roughed = any(isinstance(o, Clearing) for o in self.setup.operations)
-        return max(self.practice.rough_allowance_mm, 0.0 if thickest is None or is_roughed else thickest)
-
     def standing_round_mm(self, places_mm, reach_mm):
         """The most that stands over the part, straight up, so far round places (n, 2): (n,) mm."""
         off = np.vstack([np.zeros((1, 2)), rings_of(reach_mm * ROUND_SHARES, ROUND_PLACES).reshape(-1, 2)])
@@ -574,7 +567,7 @@ class PlanningContext:
         Where the axis turns out of the way nothing is lacking; what is left as steep to other positions, what the holder keeps
         this tool from is left to them too.
         """
-        corner, standing = self.corner_of(tool.cutter), self.standing_beside_mm
+        corner, standing = self.corner_of(tool.cutter), self.practice.rough_allowance_mm
         reach = (cutter_reach(self.samples, self.mesh, tool.cutter) if corner is None else
                  ball_reach(self.samples, self.mesh, corner.ball_radius_mm))
         if isinstance(self.operation.tool_axis, ClearingAxis):

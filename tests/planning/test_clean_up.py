@@ -1,6 +1,5 @@
 """Clean-up where no other pass comes by: a hollow as round as the ball, which stands in it at one place only."""
 
-from dataclasses import replace
 from types import SimpleNamespace
 
 import cadquery as cq
@@ -8,14 +7,10 @@ import numpy as np
 import pytest
 
 from cuspline.app import catalogue
-from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox, StockSkin
-from cuspline.design.stock import settled
-from cuspline.kernel import brep
+from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
 from cuspline.planning.clean_up import _chained, _fall_together, clean_up, squarely_touched
 from cuspline.planning.context import MADE_AGAIN, PlanningContext
-from cuspline.planning.strategies.rough import Rough
 from cuspline.planning.tool_depth import is_clear_above
-from cuspline.shop.practice import Practice
 from cuspline.toolpaths.drop.dropcutter import drop_tips_mm
 
 RADIUS_MM = 4.0
@@ -54,16 +49,6 @@ def test_a_groove_as_round_as_the_ball_is_cut_by_a_pass_along_its_middle(context
     left = left_mm(added.moves, places)
     assert left.max() < 0.3 * ASKED.scallop_mm and left.min() > -ASKED.gouge_mm
     assert len(added.moves) < 200
-
-
-def test_beside_a_castings_skin_tools_keep_clear_of_all_of_it_unless_it_is_roughed(context):
-    skin = settled(StockSkin(skin_mm=0.9), brep.the_solid(context.design.solid), Practice())
-    def standing_mm(*operations):
-        setup = context.setup.model_copy(update={"operations": operations})
-        return PlanningContext(replace(context.design, stock=skin), setup, context.machine, context.library).standing_beside_mm
-
-    roughed = Practice().rough_allowance_mm
-    assert standing_mm() == skin.thickest_mm >= 0.9 and standing_mm(Rough()) == context.standing_beside_mm == roughed
 
 
 @pytest.mark.parametrize("out_mm, is_touched", [(0.0, True), (0.004, True), (0.012, False)])
