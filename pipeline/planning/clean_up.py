@@ -20,7 +20,7 @@ from cuspline.planning.freeform_finishing import (
     link_rules,
     wall_paths_at,
 )
-from cuspline.planning.tool_depth import missing_stick_outs_mm
+from cuspline.planning.tool_depth import missing_stick_outs_mm, too_short
 from cuspline.program.program import Moves
 from cuspline.toolpaths.freeform.parallel_passes import parallel_curves
 from cuspline.toolpaths.freeform.plane_curves import PlaneCurve
@@ -114,8 +114,8 @@ def why_out_of_reach(work, operations, places_mm, left_mm):
     missing, _, tool = min(short, key=lambda row: (row[1], row[0]))
     if missing <= 0.0:
         return f"no pass of T{tool.number} {tool.cutter.name} comes about there"
-    return (f"holder or shank of T{tool.number} {tool.cutter.name} would touch the part: a stick-out of "
-            f"{tool.stick_out_mm + missing:.1f} mm would do, it has {tool.stick_out_mm:g}: set it in the file of --cutters")
+    return (f"T{tool.number} {tool.cutter.name} is {too_short(tool, missing)}: a stick-out of {tool.stick_out_mm + missing:.1f} mm "
+            "would do, or flutes so much longer where its neck is in the way: set it in the file of --cutters")
 
 
 def _tips_mm(tool, foot):

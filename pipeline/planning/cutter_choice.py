@@ -275,8 +275,8 @@ class RoughingTool:
         """For plan.json."""
         short, reason = self.missing_stick_out_mm > 0, f"leaves at most {self.leaves_mm:.2f} mm on 95 % of the faces"
         if short:
-            reason = (f"goes as deep as its holder allows, all are short: {self.missing_stick_out_mm:.2f} mm more stick-out "
-                      "would do" if self is chosen else f"holder {self.missing_stick_out_mm:.2f} mm short")
+            reason = too_short(self.tool, self.missing_stick_out_mm)
+            reason = f"goes as deep as it may, all are short: {reason}" if self is chosen else reason
         return Candidate(tool=self.tool, is_chosen=self is chosen, reason=reason,
                          missing_stick_out_mm=self.missing_stick_out_mm)
 

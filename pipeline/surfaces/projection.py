@@ -162,12 +162,12 @@ class TurnedTree:
     frame: Frame                # as it is seen from the tree's
 
     def closest_points(self, points_mm, face=None):
-        """As ClosestTree's."""
+        """As ClosestTree's: ClosestPoints of (n, 3), places and normals in this frame."""
         found = self.tree.closest_points(self.frame.out(points_mm), face)
         return replace(found, point_mm=self.frame.into(found.point_mm), normal=self.frame.turn_into(found.normal))
 
     def signed_distances_mm(self, points_mm):
-        """As ClosestTree's."""
+        """As ClosestTree's: (n,), negative inside the part."""
         return self.tree.signed_distances_mm(self.frame.out(points_mm))
 
 

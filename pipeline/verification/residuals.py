@@ -122,7 +122,7 @@ def residuals(piece, sampled, closest, ball_radius_mm, allowed_mm, gouge_mm, kep
         closest: ClosestTree of the design, part coordinates; needed where cutters undercut or lean.
         ball_radius_mm: smallest ball of the shop.
         allowed_mm: largest deviation of a finished point.
-        gouge_mm: deepest that a cut may go.
+        gouge_mm: deepest that a cut may go, positive.
         kept: kept.Kept for what takes long.
     Returns:
         list of (Residuals of its faces after all clampings, Residuals of all faces after it alone).
@@ -180,10 +180,9 @@ class _Looked:
         each, rows = piece.deviations_of_cuts(points, normals, LIMIT_MM, kept.of(deviations_and_moves))
         final, maker = piece.deviations(points, normals, LIMIT_MM, each)
         depth = np.array([_at_edges(d, together, c.paths, c.frame, gouge_mm) for d, c in zip(each, piece.cuts)])
-        deepest = depth.min(axis=0)
+        deepest = depth.min(axis=0)     # of any cut alone: two of them, neither too deep, may take a razor's edge between them
         is_edge = together.is_border | ((final < -gouge_mm) & (deepest >= -gouge_mm))
-        final = np.where(is_edge & (len(piece.cuts) > 1), np.maximum(final, deepest),
-                         final if len(piece.cuts) > 1 else depth[0])
+        final = np.where(is_edge, np.maximum(final, deepest), final) if len(piece.cuts) > 1 else deepest
         ends = np.cumsum([len(p) for p in parts])[:-1]
         reach = [reach_at(k, own) for k, own in enumerate(parts)]
         split = lambda a: np.split(a, ends, axis=-1)
@@ -268,7 +267,7 @@ def _at_edges(deviation, samples, paths, frame, gouge_mm):
     out, beyond = deviation.copy(), np.flatnonzero(deviation < np.where(samples.is_border, 0.0, -gouge_mm))
     near = np.minimum(signed_distance_mm(paths, frame.into(samples.points_mm[beyond])), 0.0)
     counts = samples.is_border[beyond] | (near >= -gouge_mm)
-    out[beyond[counts]] = np.maximum(out[beyond], near)[counts]
+    out[beyond] = np.where(counts, np.maximum(out[beyond], near), out[beyond])
     return out
 
 
