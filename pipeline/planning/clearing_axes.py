@@ -10,7 +10,7 @@ import numpy as np
 
 from cuspline.replay.clearance_kernels import BOTTOM, BOTTOM_RADIUS, TOP, TOP_RADIUS
 from cuspline.shop.rotary_way import shortest_way
-from cuspline.toolpaths.five_axis.clear_axes import swung, ways_of
+from cuspline.toolpaths.five_axis.clear_axes import toward, turned
 from cuspline.toolpaths.five_axis.even_turns import even_angles, runs_of_one_bearing
 from cuspline.toolpaths.five_axis.leaning_moves import Stations, Swing, Turn, stations_along
 from cuspline.values.amounts import counted
@@ -19,7 +19,7 @@ from cuspline.values.rows import X, Y, Z
 
 SPACING = 0.25              # of the radius, between stations
 OPEN_SHARE = 0.2            # of a piece's stations at the most, seen from where it now begins, that nothing clears
-IN_PLANE = (0.0, math.pi)   # bearings: toward the normal and away from it
+IN_PLANE = (0.0, math.pi)   # bearings in the plane of axis and normal
 ALL_WAYS = (*IN_PLANE, math.pi / 2, -math.pi / 2, math.pi / 4, -math.pi / 4, 3 * math.pi / 4, -3 * math.pi / 4)
 FINER_WAYS = tuple(math.radians(d) for d in range(-165, 180, 15) if d % 45)     # where none of these clears
 WINDOWS = (1, 2, 4, 8, 16, 32, 64)      # stations over which a turn is evened out, the narrowest first
@@ -84,7 +84,7 @@ class ClearingSwing(Swing):
         is_clear = self.search.is_clear(stations.middle_mm, stations.axis)
         least, in_way = np.zeros((len(is_clear), len(bearings))), ~is_clear
         for k, bearing in enumerate(bearings):
-            ways = ways_of(stations.axis, stations.normal, np.full(len(is_clear), bearing))
+            ways = toward(stations.axis, stations.zero, np.full(len(is_clear), bearing))
             least[in_way, k] = self.search.angles_rad(stations.middle_mm[in_way], stations.axis[in_way], ways[in_way], most_rad)
         return least
 
@@ -122,7 +122,7 @@ class ClearingSwing(Swing):
         known = ~is_open[:, bearing]
         angles = np.interp(stations.along_mm, stations.along_mm[known], least[known, bearing])
         even = self._even(stations, angles, bearings[bearing])
-        return Turn(along_mm=stations.along_mm, angle_rad=even, bearing_rad=bearings[bearing])
+        return Turn(along_mm=stations.along_mm, angle_rad=even, zero=stations.zero, bearing_rad=bearings[bearing])
 
     def _even(self, stations, least, bearing):
         """(n,) angles, clear everywhere, within what the rotaries follow at the feed or as near to it as they come."""
@@ -146,7 +146,7 @@ class ClearingSwing(Swing):
 
     def axes(self, stations, angles, bearing):
         """(n, 3) axes of Stations turned toward one bearing."""
-        return swung(stations.axis, stations.normal, angles, np.full(len(angles), bearing))
+        return turned(stations.axis, toward(stations.axis, stations.zero, np.full(len(angles), bearing)), angles)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -245,13 +245,21 @@ def _about(stations, slimmer, swing):
 
 def _changed(swing, slimmer, longer_mm, tool):
     """ClearingSwing of a tool whose cutter is slimmer, and whose shank is longer between cutter and holder."""
-    segments, radius = np.array(swing.search.segments), swing.search.radius_mm
-    is_cutter = segments[:, BOTTOM] < tool.stick_out_mm - SAME_MM
-    segments[is_cutter, BOTTOM_RADIUS] *= slimmer
-    segments[is_cutter, TOP_RADIUS] *= slimmer
-    meets = is_cutter & (np.abs(segments[:, TOP] - tool.stick_out_mm) <= SAME_MM)
-    segments[meets, TOP] += longer_mm
-    segments[~is_cutter, BOTTOM] += longer_mm
-    segments[~is_cutter, TOP] += longer_mm
-    segments[:, [BOTTOM, TOP]] -= (1.0 - slimmer) * radius * is_cutter[:, None]
-    return ClearingSwing(replace(swing.search, segments=segments, radius_mm=slimmer * radius), swing.axis, swing.use)
+    search = swing.search
+    changed = lambda segments: _stretched(segments, slimmer, longer_mm, tool.stick_out_mm, search.radius_mm)
+    return ClearingSwing(replace(search, segments=changed(search.segments), beside_segments=changed(search.beside_segments),
+                                 radius_mm=slimmer * search.radius_mm), swing.axis, swing.use)
+
+
+def _stretched(segments, slimmer, longer_mm, stick_out_mm, radius_mm):
+    """(k, 5) segments of a tool so changed."""
+    found = np.array(segments)
+    is_cutter = found[:, BOTTOM] < stick_out_mm - SAME_MM
+    found[is_cutter, BOTTOM_RADIUS] *= slimmer
+    found[is_cutter, TOP_RADIUS] *= slimmer
+    meets = is_cutter & (np.abs(found[:, TOP] - stick_out_mm) <= SAME_MM)
+    found[meets, TOP] += longer_mm
+    found[~is_cutter, BOTTOM] += longer_mm
+    found[~is_cutter, TOP] += longer_mm
+    found[:, [BOTTOM, TOP]] -= (1.0 - slimmer) * radius_mm * is_cutter[:, None]
+    return found

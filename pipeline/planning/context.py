@@ -16,6 +16,7 @@ from cuspline.planning import feeds
 from cuspline.planning.cutter_choice import ROUND, ball_reach, choose_cutter, cutter_reach
 from cuspline.planning.finishing_chain import FinishingWork
 from cuspline.planning.plating import in_metal, library_within_skin
+from cuspline.planning.standing_stock import standing_tree
 from cuspline.planning.tool_depth import (
     ShortToolDropper,
     clear_tips_mm,
@@ -178,6 +179,7 @@ class PlanningContext:
         """
         mine = copy(self)
         mine.operation, mine.planned = operation, tuple(planned)
+        mine.__dict__.pop("standing", None)
         axis = operation.tool_axis
         if isinstance(axis, ToolAxis):
             self._refuse_turning(operation)
@@ -465,6 +467,11 @@ class PlanningContext:
         begins = np.cumsum([0, *(len(v) for v, _ in meshes)])
         return self.once("obstacles", lambda: ClearanceTree.of_triangles(
             np.vstack([v for v, _ in meshes]), np.vstack([t + first for (_, t), first in zip(meshes, begins)])))
+
+    @cached_property
+    def standing(self):
+        """ClearanceTree of what roughing has left standing beside the faces of the operation; None: no more than it leaves."""
+        return standing_tree(self)
 
     def lead_radius_mm(self, radius_mm):
         """Of the arcs into and out of passes of a cutter."""

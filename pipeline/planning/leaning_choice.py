@@ -11,7 +11,7 @@ import numpy as np
 from cuspline.planning.context import aside_rad
 from cuspline.planning.corner_gouges import bottom_depths_mm, least_bend_per_mm
 from cuspline.planning.leaning_finishing import FITS_MM, margins_mm
-from cuspline.replay.clearance import tool_segments
+from cuspline.replay.clearance import shank_and_holder
 from cuspline.scallop.stepover import stepover_for_scallop_mm
 from cuspline.toolpaths.five_axis.corner_contact import CornerContact
 from cuspline.toolpaths.five_axis.tool_axes import LEANING, FastestAxis, LeadTilt
@@ -126,6 +126,8 @@ def _why_not_corner(poses, tips, axes, corner):
 def _why_not_above(poses, tool, tips, axes):
     work = poses.work
     _, keep = margins_mm(work)
-    segments = tool_segments(tool, with_flutes=False)
-    least = float(work.obstacle_tree.distances_mm(segments, tips, axes, NEAR_MM).min())
-    return None if least >= keep else f"shank or holder would come to {least:.2f} mm of the part, {keep:.2f} mm are kept"
+    for what, segments, kept in zip(("neck or shank", "holder"), shank_and_holder(tool), keep):
+        least = float(work.obstacle_tree.distances_mm(segments, tips, axes, NEAR_MM).min()) if len(segments) else math.inf
+        if least < kept:
+            return f"its {what} would come to {least:.2f} mm of the part, {kept:.2f} mm are kept"
+    return None

@@ -23,9 +23,10 @@ from cuspline.planning.clearing_axes import (
 from cuspline.planning.context import MESH_DEFLECTION_MM, Left, path_tolerance_mm
 from cuspline.planning.corner_gouges import refuse_gouges
 from cuspline.planning.smoothed_axes import SmoothingSwing, smoothing_facts
+from cuspline.planning.tool_depth import HOLDER_CLEARANCE_MM, SHANK_CLEARANCE_MM
 from cuspline.planning.trailing_passes import without_plunges
 from cuspline.program.program import Kind, Moves, tilt_rad
-from cuspline.replay.clearance import SAGITTA_MM, ToolMoves, tool_segments
+from cuspline.replay.clearance import SAGITTA_MM, ToolMoves, shank_and_holder, tool_segments
 from cuspline.shop.rotary_way import shortest_way
 from cuspline.stock.tilted_pieces import straight_pieces
 from cuspline.toolpaths.five_axis.clear_axes import AxisSearch
@@ -47,6 +48,8 @@ LEANING = 1e-3             # between the face's normal and the ball's: it is on 
 HIGH_MM = 1e-6              # below the approach height, that is rounding
 FITS_MM = 0.01              # a ball that meets other faces by less fits
 SMOOTHED_SHARES = (1.0, 0.5, 0.25)      # of what an axis may be smoothed by, one after the other
+SHANK, HOLDER = range(2)    # neck and shank; the holder and all above it
+OFF_STANDING_MM = np.array([SHANK_CLEARANCE_MM, HOLDER_CLEARANCE_MM])       # what roughing has left standing beside the faces
 SPARES_MM = (0.05, 0.2, 0.5)    # that a turned axis keeps beyond the margin at its stations, for the moves between them
 
 
@@ -192,6 +195,7 @@ def _swing(work, tool, link, spare_mm):
     search = AxisSearch.of_tool(
         work.obstacle_tree, tool, into_mm=into - ROUNDED_MM, keep_mm=keep + spare_mm,
         limit_rad=math.pi if limit is None else math.radians(limit))
+    search = search.with_beside(work.standing, tool, OFF_STANDING_MM + spare_mm)
     return ClearingSwing(search, work.tool_axis, _rotary_use(work, link))
 
 
@@ -308,9 +312,9 @@ class _Faces(Ground):
 
 
 def margins_mm(work):
-    """(how deep flutes may come where they touch by design, how far all the rest must stay off)."""
+    """(how deep flutes may come where they touch by design, (2,) how far off neck and shank, and the holder, must stay)."""
     into = MESH_DEFLECTION_MM + path_tolerance_mm(work.finish) + SAGITTA_MM + ROUNDED_MM
-    return into, work.practice.rough_allowance_mm + MESH_DEFLECTION_MM
+    return into, work.practice.rough_allowance_mm + MESH_DEFLECTION_MM + np.array([0.0, HOLDER_CLEARANCE_MM])
 
 
 def _refuse_contact(work, moves, tool):
@@ -319,19 +323,23 @@ def _refuse_contact(work, moves, tool):
     way = ToolMoves(start_tips_mm=moves.starts_mm, end_tips_mm=moves.end_mm, start_axes=axes[:-1], end_axes=axes[1:])
     into, keep = margins_mm(work)
     touches = _in_faces(work, way, tool, into)
-    for what, segments, margin in (
-            ("flutes", tool_segments(tool), -into),
-            ("shank or holder", tool_segments(tool, with_flutes=False), keep)):
-        if what == "flutes" and not touches.any():
+    part = work.obstacle_tree, f"the part{' or a fixture' if work.fixtures else ''}"
+    standing = work.standing, "what roughing has left standing"
+    shank, holder = shank_and_holder(tool)
+    for what, segments, (tree, of_what), margin in (
+            ("flutes", tool_segments(tool), part, -into), ("neck or shank", shank, part, keep[SHANK]),
+            ("holder", holder, part, keep[HOLDER]), ("neck or shank", shank, standing, OFF_STANDING_MM[SHANK]),
+            ("holder", holder, standing, OFF_STANDING_MM[HOLDER])):
+        if tree is None or not len(segments) or what == "flutes" and not touches.any():
             continue
-        clear = work.obstacle_tree.certified_clearance(segments, way, margin, tolerance_mm=ROUNDED_MM)
+        clear = tree.certified_clearance(segments, way, margin, tolerance_mm=ROUNDED_MM)
         bad = np.flatnonzero(~clear.is_clear)
         if len(bad):
             worst = bad[np.argmin(clear.clearance_mm[bad])]
             place = work.in_part(clear.place_mm[worst])
             raise ToolInTheWay(
                 f"{work.operation.title}: with its axis so the {what} of T{tool.number} {tool.cutter.name} come to "
-                f"{clear.clearance_mm[worst]:.3f} mm of the part{' or a fixture' if work.fixtures else ''} ({margin:.3f} wanted) "
+                f"{clear.clearance_mm[worst]:.3f} mm of {of_what} ({margin:.3f} wanted) "
                 f"at {place}, and in {len(bad) - 1} other moves: lean it less, or the other way, leave these faces out, or take "
                 "a slimmer or longer tool", rows=bad)
 

@@ -19,6 +19,7 @@ SAGITTA_MM = 1e-3         # of outlines whose arcs cannot be taken whole; the se
 UNIT = 1e-6               # how far an axis may be from length 1
 FAR_MM = 1e6
 LOOK_MM = 3.0             # a cap this far above the margin lets a pose vouch for many moves at little cost
+NEARLY_MM = 1e-9          # heights on a tool that differ by less are the same
 SLICE_RATIO = 2.5         # of the levers at a slice's two ends
 
 
@@ -147,6 +148,13 @@ def tool_segments(tool, spindle_head=(), with_flutes=True):
     rest = np.array([*tool.non_cutting_frusta(), *head_frusta(tool, spindle_head)])
     rest = np.column_stack([rest, np.zeros(len(rest))])
     return np.vstack([flute_segments(tool.cutter), rest]) if with_flutes else rest
+
+
+def shank_and_holder(tool):
+    """((k, 5) segments of neck and shank, (j, 5) of the holder and all above it): what must never touch."""
+    rest = tool_segments(tool, with_flutes=False)
+    is_holder = rest[:, 0] >= tool.stick_out_mm - NEARLY_MM
+    return rest[~is_holder], rest[is_holder]
 
 
 def head_frusta(tool, spindle_head):

@@ -21,6 +21,7 @@ class Standing(Parameters):
     form: Literal["wall", "channel", "blade"] = "channel"
     tall_mm: float = 46.0
     floor_mm: float = 16.0      # width of the channel's floor
+    foot_mm: float = 0.0        # radius of the fillets round the feet of walls and blade
     ball: str = BALL
     upright: bool = False       # three axes, with a ball that is long enough
 
@@ -33,8 +34,12 @@ def mill(name="mill_trunnion_ac"):
 
 
 @cache
-def solid(form, tall_mm, floor_mm):
+def solid(form, tall_mm, floor_mm, foot_mm=0.0):
     """A block (50 x 16, 60 x 28 or 50 x 40 mm, 10 mm to the floor) with what stands on it."""
+    if foot_mm:
+        sharp, (x, y) = solid(form, tall_mm, floor_mm), HALF_MM[form]
+        is_foot = lambda m: abs(m.z - FLOOR_MM) < 1e-6 and abs(m.x) < x - 1 and abs(m.y) < y - 1
+        return sharp.fillet(foot_mm, [edge for edge in sharp.Edges() if is_foot(edge.Center())])
     x, y = HALF_MM[form]
     base = cq.Workplane().box(2 * x, 2 * y, FLOOR_MM, centered=(True, True, False))
     if form == "wall":
@@ -59,7 +64,8 @@ def design(p: Standing, axis=None, **finishing) -> Design:
         FacePredicate(name="cut", count=1, normal=(0, 0, 1), normal_within_deg=5, center_max_mm=(99, 99, FLOOR_MM + 1)),)
     return Design(
         name="standing_walls", description="what a short tool must lean past", parameters=p,
-        solid=solid(p.form, p.tall_mm, p.floor_mm), predicates=faces, material="aluminium_6061", machine="mill_trunnion_ac",
+        solid=solid(p.form, p.tall_mm, p.floor_mm, p.foot_mm), predicates=faces, material="aluminium_6061",
+        machine="mill_trunnion_ac",
         stock=StockBox(min_mm=(-x, -y, 0), max_mm=(x, y, FLOOR_MM + p.tall_mm)),
         finish=Finish(scallop_mm=0.3, profile_tolerance_mm=0.02, gouge_mm=0.02),
         setups=(Setup(name="setup-1", faces=tuple(f.name for f in faces), wcs_in_words="middle of the base",

@@ -1,6 +1,7 @@
 """Passes whose axis turns out of the way: beside a wall, in a channel between two twisted walls, down a blade's sides."""
 
 import math
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -8,12 +9,17 @@ import pytest
 from standing_walls import FLOOR_MM, Standing, design, mill
 
 from cuspline.app.catalogue import find_library
+from cuspline.design import StockSkin
 from cuspline.design.fixtures import FixtureBox
+from cuspline.design.stock import settled
+from cuspline.kernel import brep
 from cuspline.planning.clearing_axes import RotaryUse
 from cuspline.planning.leaning_finishing import normal_error
 from cuspline.planning.plan import plan_setup
+from cuspline.planning.tool_depth import HOLDER_CLEARANCE_MM
 from cuspline.program.program import Kind
-from cuspline.replay.clearance import ToolMoves, tool_segments
+from cuspline.replay.clearance import ToolMoves, shank_and_holder, tool_segments
+from cuspline.shop.practice import Practice
 from cuspline.toolpaths.five_axis.clear_axes import AxisSearch
 from cuspline.toolpaths.five_axis.even_turns import even_angles
 from cuspline.toolpaths.five_axis.tool_axes import ClearingAxis, FixedAxis, LeadTilt
@@ -23,10 +29,12 @@ LIBRARY = find_library(None)
 UPRIGHT = FixedAxis(direction=(0, 0, 1))
 
 
-def planned(part, machine="mill_trunnion_ac"):
-    """Its finishing operation alone."""
+def planned(part, machine="mill_trunnion_ac", fixtures=()):
+    """Its finishing operation alone, on a stock that stands over the part by less than roughing leaves."""
+    left = settled(StockSkin(skin_mm=0.2), brep.the_solid(part.solid), Practice())
     finish = part.setups[0].operations[1]
-    return plan_setup(part, part.setups[0].model_copy(update={"operations": (finish,)}), mill(machine), LIBRARY)
+    setup = part.setups[0].model_copy(update={"operations": (finish,), "fixtures": fixtures})
+    return plan_setup(replace(part, stock=left), setup, mill(machine), LIBRARY)
 
 
 @cache
@@ -52,19 +60,20 @@ def spare_mm(plan):
 
 
 def test_an_upright_tool_is_too_short_and_a_clearing_one_leans_no_more_than_it_must():
-    """Tilted straight away from the wall, no point of the holder's outline may be nearer to it than wanted below its top."""
+    """Tilted straight away from the wall, no point of the holder's outline may be nearer to it than wanted."""
     with pytest.raises(CutterDoesNotFit, match="neck, shank or holder would touch"):
         planned(design(Standing(form="wall", tall_mm=48.0), LeadTilt()))
     plan = beside_the_wall()
-    operation, keep = plan.operations[-1], plan.context.practice.rough_allowance_mm + 0.01
+    operation, keep = plan.operations[-1], plan.context.practice.rough_allowance_mm + 0.01 + HOLDER_CLEARANCE_MM
     tool = operation.tool
     z0, r0, z1, r1, _ = next(row for row in tool_segments(tool, with_flutes=False) if row[0] >= tool.stick_out_mm)
     share, angle = np.linspace(0, 1, 200)[:, None], np.radians(np.arange(0, 30, 0.01))
     r, z = r0 + share * (r1 - r0), z0 + share * (z1 - z0) - 4.0
-    is_met = (r * np.cos(angle) - z * np.sin(angle) > 4.0 - keep) & (z * np.cos(angle) + r * np.sin(angle) < 44.0)
+    beside, above = 4.0 - (r * np.cos(angle) - z * np.sin(angle)), z * np.cos(angle) + r * np.sin(angle) - 44.0
+    is_met = np.hypot(np.maximum(beside, 0.0), np.maximum(above, 0.0)) < keep
     least = np.degrees(angle[is_met.any(axis=0)].max())
     clearing = operation.facts["clearing"]
-    assert least < clearing["largest_deg"] < least + 1.0          # round the wall's top edge, and 0.05 mm in hand
+    assert least < clearing["largest_deg"] < least + 0.5          # 0.05 mm in hand
     assert operation.facts["links"] == "zig-zag" and operation.facts["largest_turn_deg"] <= 2.001
     assert "left_mm2" not in clearing and spare_mm(plan) > plan.context.practice.rough_allowance_mm
 
@@ -73,6 +82,36 @@ def test_far_from_the_wall_the_axis_stands():
     moves = beside_the_wall().operations[-1].moves
     far = (moves.kind == Kind.FEED) & (moves.end_mm[:, 0] > 12.0)
     assert far.sum() > 10 and np.abs(moves.axis[far] - (0, 0, 1)).max() < 1e-9
+
+
+def test_a_bearing_goes_on_as_it_was_where_a_pass_crosses_a_floor_from_fillet_to_fillet():
+    """Toward the normal is to the left on one side and to the right on the other: along the floor the axis leans one way."""
+    plan = planned(design(Standing(form="channel", foot_mm=5.0), ClearingAxis(around=UPRIGHT)))
+    facts = plan.operations[-1].facts
+    assert facts["clearing"]["largest_deg"] > 20.0 and facts["largest_turn_deg"] < 2.001
+    assert "left_mm2" not in facts["clearing"] and spare_mm(plan) > plan.context.practice.rough_allowance_mm
+
+
+def test_holder_and_shank_keep_off_the_stairs_that_roughing_leaves_on_walls_beside_the_floor():
+    """Brute force: poses of the cut against points of the stock as roughing leaves it, which stands up to 0.9 mm off the walls."""
+    part = design(Standing(form="channel", foot_mm=5.0))
+    plan = plan_setup(part, part.setups[0], mill(), LIBRARY)
+    rough, finish = plan.operations
+    work, moves, tool = plan.context.of(part.setups[0].operations[1], (rough,)), finish.moves, finish.tool
+    x, y = np.meshgrid(np.arange(-30, 30, 0.1), np.arange(-14, 14, 0.1), indexing="ij")
+    points = np.column_stack([x.ravel(), y.ravel(), work.stock_mm(np.column_stack([x.ravel(), y.ravel()]))])
+    foot = work.closest.closest_points(points)
+    stairs = points[(foot.distance_mm > 0.4) & (points[:, 2] > FLOOR_MM + 10.0)]
+    assert len(stairs) > 1000 and foot.distance_mm.max() > 0.8
+    for rows, keep in zip(shank_and_holder(tool), (0.0, HOLDER_CLEARANCE_MM)):
+        for tip, axis in zip(moves.end_mm[::3], moves.axis[::3]):
+            arm = stairs - tip
+            high = arm @ axis
+            off = np.sqrt(np.maximum((arm * arm).sum(axis=1) - high * high, 0.0))
+            for z0, r0, z1, r1, _ in rows:
+                share = np.clip((high - z0) / (z1 - z0), 0.0, 1.0)
+                out = np.maximum(off - (r0 + share * (r1 - r0)), 0.0)
+                assert np.hypot(out, np.maximum(np.maximum(z0 - high, high - z1), 0.0)).min() >= keep
 
 
 def test_what_no_axis_clears_is_not_cut_but_listed_with_the_cutter_that_would():
@@ -131,15 +170,12 @@ def test_a_turn_that_sets_in_at_once_is_evened_out_until_the_rotaries_follow():
 
 def test_a_fixture_is_kept_off_as_the_part_is():
     """A clamp beside the far end of the floor, as tall as the wall: there too the tool leans away."""
-    part = design(Standing(form="wall", tall_mm=30.0))
     clamp = FixtureBox(name="clamp", min_mm=(35.0, -8.0, 0.0), max_mm=(41.0, 8.0, 60.0))
-    finish = part.setups[0].operations[1]
-    setup = part.setups[0].model_copy(update={"operations": (finish,), "fixtures": (clamp,)})
-    moves = plan_setup(part, setup, mill(), LIBRARY).operations[-1].moves
-    cutting = moves.kind == Kind.FEED
+    moves = planned(design(Standing(form="wall", tall_mm=30.0)), fixtures=(clamp,)).operations[-1].moves
+    cutting = (moves.kind == Kind.FEED) & (moves.end_mm[:, 2] < FLOOR_MM + 4.0)
     near, far = cutting & (moves.end_mm[:, 0] > 18.0), cutting & (np.abs(moves.end_mm[:, 0] + 8.0) < 4.0)
     leans = np.degrees(np.arccos(np.clip(moves.axis[:, 2], -1, 1)))
-    assert leans[far].max() < 0.5 and leans[near].max() > 3.0       # it sets in gently, over 64 mm at the most
+    assert leans[far].max() < 3.0 and leans[near].max() > 10.0      # it sets in gently, over 64 mm at the most
 
 
 def test_nothing_that_clears_is_an_error_that_says_so():

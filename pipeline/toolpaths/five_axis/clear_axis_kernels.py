@@ -20,6 +20,7 @@ DEEP_MM = 0.5               # a point so deep in the way is deep enough to go on
 ROUGH_MM = 0.2              # how roughly the tool is looked at first
 CLOSE_MM = 0.002            # and where that does not tell
 MARCHES = 24                # steps past one point at the most; the search goes on from any of them
+PART, BESIDE = range(2)     # of the hints: triangles of the two meshes
 STUCK_RAD = 1e-5            # of a step past a point: the smallest step does as well
 
 
@@ -69,43 +70,53 @@ def is_clear_at(mesh, place, segments, hint, work):
 
 
 @njit
-def smallest_angle(mesh, middle, axis, way, most, lowest_z, radius, segments, hint, place, work):
-    """(angle from the axis toward the way at which the tool is proven clear, inf: none up to `most`; a hint).
+def _is_clear_of_both(mesh, segments, beside, beside_segments, place, hints, work):
+    """(proven clear of two meshes, each with its segments; whether work[NEAREST] is a point in the way; is it the second's)."""
+    is_clear, found, is_met = is_clear_at(mesh, place, segments, hints[PART], work)
+    hints[PART] = found if found >= 0 else hints[PART]
+    if not is_clear or len(beside_segments) == 0:
+        return is_clear, is_met, False
+    is_clear, found, is_met = is_clear_at(beside, place, beside_segments, hints[BESIDE], work)
+    hints[BESIDE] = found if found >= 0 else hints[BESIDE]
+    return is_clear, is_met, True
 
-    lowest_z: the axis' own z must not be below it.
+
+@njit
+def smallest_angle(mesh, segments, beside, beside_segments, middle, axis, way, most, lowest_z, radius, hints, place, work):
+    """Angle from the axis toward the way at which the tool is proven clear of both meshes, inf: none up to `most`.
+
+    lowest_z: the axis' own z must not be below it.   hints: (2,) triangles to look at first, or -1; left as they were found.
     """
     angle = 0.0
     while angle <= most:
         if _stand(place, middle, axis, way, angle, radius) < lowest_z:
             angle += SMALLEST_STEP_RAD
             continue
-        is_clear, found, is_met = is_clear_at(mesh, place, segments, hint, work)
-        hint = found if found >= 0 else hint
+        is_clear, is_met, is_beside = _is_clear_of_both(mesh, segments, beside, beside_segments, place, hints, work)
         if is_clear:
-            return angle, hint
+            return angle
         further = angle
         if is_met:
-            further = _past(work[NEAREST], middle, axis, way, angle, radius, segments)
+            further = _past(work[NEAREST], middle, axis, way, angle, radius, beside_segments if is_beside else segments)
         angle = max(further, angle + SMALLEST_STEP_RAD)
-    return math.inf, hint
+    return math.inf
 
 
 @njit
-def smallest_angles(mesh, middles, axes, ways, most, lowest_z, radius, segments, angles, first, last):
+def smallest_angles(mesh, segments, beside, beside_segments, middles, axes, ways, most, lowest_z, radius, angles, first, last):
     """`angles` of rows first .. last - 1; each helps the next.   most: (n,), below 0: not looked for."""
-    place, work, hint = np.zeros(17), workspace(), -1
+    place, work, hints = np.zeros(17), workspace(), np.full(2, -1)
     for i in range(first, last):
         angles[i] = math.inf
         if most[i] >= 0.0:
-            angles[i], hint = smallest_angle(mesh, middles[i], axes[i], ways[i], most[i], lowest_z, radius, segments, hint, place,
-                                             work)
+            angles[i] = smallest_angle(mesh, segments, beside, beside_segments, middles[i], axes[i], ways[i], most[i], lowest_z,
+                                       radius, hints, place, work)
 
 
 @njit
-def clear_rows(mesh, middles, axes, radius, segments, is_clear, first, last):
+def clear_rows(mesh, segments, beside, beside_segments, middles, axes, radius, is_clear, first, last):
     """`is_clear` of rows first .. last - 1: proven, the tool standing as it does."""
-    place, work, hint = np.zeros(17), workspace(), -1
+    place, work, hints = np.zeros(17), workspace(), np.full(2, -1)
     for i in range(first, last):
         _stand(place, middles[i], axes[i], axes[i], 0.0, radius)
-        is_clear[i], found, _ = is_clear_at(mesh, place, segments, hint, work)
-        hint = found if found >= 0 else hint
+        is_clear[i], _, _ = _is_clear_of_both(mesh, segments, beside, beside_segments, place, hints, work)

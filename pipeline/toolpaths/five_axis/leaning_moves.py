@@ -24,11 +24,12 @@ bottom that rolled over would cut the edge.
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 
 import numpy as np
 
 from cuspline.program.program import Kind, Moves, Plane
-from cuspline.toolpaths.five_axis.clear_axes import swung
+from cuspline.toolpaths.five_axis.clear_axes import square, toward, turned, zero_ways
 from cuspline.toolpaths.five_axis.corner_contact import CornerContact
 from cuspline.toolpaths.five_axis.tool_axes import ToolAxis, limited
 from cuspline.values import fixed_math as fixed
@@ -73,14 +74,19 @@ class Stations:
     feed: np.ndarray            # (n, 3) of any length
     axis: np.ndarray            # (n, 3) unit, the standard direction
 
+    @cached_property
+    def zero(self):
+        """(n, 3) ways of bearing 0, see clear_axes.zero_ways."""
+        return zero_ways(self.axis, self.normal)
+
     def of(self, rows):
         """Some of them, by indices or (n,) bool."""
-        return Stations(**{name: column[rows] for name, column in vars(self).items()})
+        return Stations(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
 
     @classmethod
     def joined(cls, several):
         """Those of several runs, one after the other."""
-        return cls(**{name: np.concatenate([getattr(s, name) for s in several]) for name in vars(several[0])})
+        return cls(**{f.name: np.concatenate([getattr(s, f.name) for s in several]) for f in fields(cls)})
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -89,12 +95,15 @@ class Turn:
 
     along_mm: np.ndarray        # (k,) rising
     angle_rad: np.ndarray       # (k,) evenly between
-    bearing_rad: float          # see clear_axes.swung
+    zero: np.ndarray            # (k, 3) ways of bearing 0 there
+    bearing_rad: float
 
     def turned(self, stations):
         """(n, 3) axes of Stations."""
-        angles = np.interp(stations.along_mm, self.along_mm, self.angle_rad)
-        return swung(stations.axis, stations.normal, angles, np.full(len(angles), self.bearing_rad))
+        at = lambda values: np.interp(stations.along_mm, self.along_mm, values)
+        zero = square(stations.axis, np.column_stack([at(column) for column in self.zero.T]))
+        angles = at(self.angle_rad)
+        return turned(stations.axis, toward(stations.axis, zero, np.full(len(angles), self.bearing_rad)), angles)
 
     @property
     def corners_mm(self):

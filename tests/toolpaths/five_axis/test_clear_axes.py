@@ -8,7 +8,7 @@ from known_tools import tool
 
 from cuspline.replay.clearance import ClearanceTree, stacked_head
 from cuspline.shop.cutters import ToolLibrary
-from cuspline.toolpaths.five_axis.clear_axes import AxisSearch, square_to, swung, turned, ways_of
+from cuspline.toolpaths.five_axis.clear_axes import AxisSearch, square_to, swung, turned, ways_of, zero_ways
 from cuspline.toolpaths.five_axis.even_turns import even_angles, runs_of_one_bearing
 
 EVERY_RAD = math.radians(0.05)          # between the angles of the brute force
@@ -68,6 +68,46 @@ def test_beside_a_tall_wall_the_angle_is_that_of_the_lowest_corner():
     exact = math.acos(4.0 / math.hypot(5, 6)) - math.atan2(6, 5)
     assert exact <= away <= exact + EVERY_RAD
     assert np.isinf(search.angles_rad(middle, up, np.array([[-1.0, 0.0, 0.0]]), MOST_RAD))
+
+
+def test_ways_along_a_run_go_on_where_normals_pass_through_the_axis_or_stand_along_it():
+    """From one fillet over a floor to the other; then round a boss, all the way, where they follow the normals."""
+    lean = np.concatenate([np.linspace(-0.5, 0.0, 20), np.zeros(20), np.linspace(0.0, 0.5, 20)])
+    normals = np.column_stack([np.sin(lean), 1e-7 * np.sign(lean), np.cos(lean)])
+    axes = np.tile((0.0, 0.0, 1.0), (60, 1))
+    for way in (1, -1):
+        found = zero_ways(axes, normals[::way])
+        assert np.abs(found - found[0]).max() < 1e-5 and np.abs(np.abs(found[0]) - (1.0, 0.0, 0.0)).max() < 1e-6
+    assert zero_ways(axes, axes) == pytest.approx(np.tile((1.0, 0.0, 0.0), (60, 1)))
+    angle = np.linspace(0.0, 2.0 * np.pi, 60)
+    steep = np.column_stack([0.9 * np.cos(angle), 0.9 * np.sin(angle), np.full(60, math.sqrt(0.19))])
+    assert zero_ways(axes, steep) == pytest.approx(ways_of(axes, steep, np.zeros(60)))
+    leaning = np.column_stack([np.sin(lean), np.zeros(60), np.cos(lean)])
+    found = zero_ways(leaning, normals)
+    assert np.abs((found * leaning).sum(axis=1)).max() < 1e-12 and (found[1:] * found[:-1]).sum(axis=1).min() > 0.99
+
+
+def test_what_stands_beside_holds_off_all_but_the_flutes():
+    """Two walls, the lower one beside: flutes are in it at some of the angles found, which are those of looking at every one."""
+    middles, axes, normals = contacts(60, seed=11)
+    far = tree_of(wall(lambda y, z: 13.0 - 0.08 * y + 0.2 * z * np.cos(y / 20), height=50.0))
+    near = tree_of(wall(lambda y, z: -9.0 + 0.1 * y - 0.12 * z * np.sin(y / 15), height=30.0))
+    alone = searched(far)
+    search = alone.with_beside(near, IN_SPINDLE, (0.1, 1.0))
+    ways, grid = ways_of(axes, normals, np.zeros(60)), np.arange(0.0, MOST_RAD, EVERY_RAD)
+    found = search.angles_rad(middles, axes, ways, MOST_RAD)
+    assert 10 < (found > alone.angles_rad(middles, axes, ways, MOST_RAD) + WITHIN_RAD).sum() < 40
+    looked = np.full(60, np.inf)
+    for angle in grid[::-1]:
+        turned_to = turned(axes, ways, np.full(60, angle))
+        clear = np.minimum(spare_mm(alone.segments, far, middles, turned_to),
+                           spare_mm(search.beside_segments, near, middles, turned_to)) >= 0.0
+        looked[clear] = angle
+    assert np.isfinite(looked).sum() > 30 and (np.isfinite(found) == np.isfinite(looked)).all()
+    both = np.isfinite(found)
+    assert np.abs(found[both] - looked[both]).max() < WITHIN_RAD
+    flutes_too = AxisSearch.of_tool(near, IN_SPINDLE, keep_mm=0.1)
+    assert (~flutes_too.is_clear(middles, turned(axes, ways, np.where(both, found, 0.0))))[both].sum() > 5
 
 
 def test_the_smallest_angle_is_that_of_looking_at_every_one():
