@@ -11,13 +11,14 @@ import numpy as np
 from cuspline.replay.clearance_kernels import BOTTOM, BOTTOM_RADIUS, TOP, TOP_RADIUS
 from cuspline.shop.rotary_way import shortest_way
 from cuspline.toolpaths.five_axis.clear_axes import toward, turned
-from cuspline.toolpaths.five_axis.even_turns import even_angles, runs_of_one_bearing
+from cuspline.toolpaths.five_axis.even_turns import even_angles, runs_of_least_turn, runs_of_one_bearing
 from cuspline.toolpaths.five_axis.leaning_moves import Stations, Swing, Turn, stations_along
 from cuspline.values.amounts import counted
 from cuspline.values.errors import PostError, ToolpathError
 from cuspline.values.rows import X, Y, Z
 
 SPACING = 0.25              # of the radius, between stations
+CHANGE_RAD = 5.0            # of all stations' angles: a change of bearing between them counts as much, for it costs a lift
 OPEN_SHARE = 0.2            # of a piece's stations at the most, seen from where it now begins, that nothing clears
 IN_PLANE = (0.0, math.pi)   # bearings in the plane of axis and normal
 ALL_WAYS = (*IN_PLANE, math.pi / 2, -math.pi / 2, math.pi / 4, -math.pi / 4, 3 * math.pi / 4, -3 * math.pi / 4)
@@ -159,30 +160,65 @@ class Split:
     blocked: object             # Stations of them, one after the other; None: nothing
 
 
-def split(runs, swing, rules):
-    """Cut passes where no axis, or no one axis' bearing, clears them.
+def looked_at(runs, swing, rules):
+    """What clears the stations of passes.
 
     Args:
         runs: lists of TipPath.   swing: ClearingSwing.   rules: LeaningRules without a swing.
     Returns:
+        [(TipPaths, their Stations, their least angles (n, b))] of every run, b the same for all.
+    """
+    found = []
+    for paths in runs:
+        stations = stations_along([p.tips_mm for p in paths], rules, swing.spacing_mm)
+        found.append((paths, stations, [_of_all_ways(swing.bearings_of(s)[1]) for s in stations]))
+    return found
+
+
+def _of_all_ways(least):
+    """(n, every bearing) of angles toward the first of them: a station that is clear as it stands is so toward all, others are
+    not known to be."""
+    other = np.where((least == 0.0).any(axis=1), 0.0, np.inf)[:, None]
+    return np.hstack([least, np.broadcast_to(other, (len(least), len(ALL_WAYS) + len(FINER_WAYS) - least.shape[1]))])
+
+
+def split(looked, rules, goes_on=False):
+    """Cut passes where no axis, or no one axis' bearing, clears them.
+
+    Args:
+        looked: of `looked_at`.   rules: LeaningRules.
+        goes_on: one bearing may go on from pass to pass; then each run of the Split has one.
+    Returns:
         Split.
     """
     kept, contacts, is_blocked, left = [], [], [], []
-    for paths in runs:
-        kept.append([])
-        for path, stations in zip(paths, stations_along([p.tips_mm for p in paths], rules, swing.spacing_mm)):
-            pieces = runs_of_one_bearing(swing.bearings_of(stations)[1])
-            blocked = np.ones(len(stations.along_mm), bool)
-            for first, last, _ in pieces:
-                blocked[first:last + 1] = False
-                if last > first:
-                    kept[-1].append(_piece(path, stations.along_mm[first], stations.along_mm[last]))
-            contacts.append(stations.middle_mm - rules.radius_mm * stations.normal)
-            is_blocked.append(blocked)
-            if blocked.any():
-                left.append(stations.of(blocked))
+    for paths, stations, least in looked:
+        ends = np.cumsum([0, *(len(s.along_mm) for s in stations)])
+        stretches = runs_of_least_turn(np.vstack(least), CHANGE_RAD) if goes_on and paths else [
+            (first + begin, last + begin, k) for rows, begin in zip(least, ends) for first, last, k in runs_of_one_bearing(rows)]
+        blocked, groups = np.ones(ends[-1], bool), []
+        for first, last, _ in stretches:
+            blocked[first:last + 1] = False
+            groups.append(_pieces(paths, stations, ends, first, last))
+        kept += [g for g in groups if g] if goes_on else [[piece for g in groups for piece in g]]
+        is_blocked.append(blocked)
+        for of_path, begin in zip(stations, ends):
+            mine = blocked[begin:begin + len(of_path.along_mm)]
+            contacts.append(of_path.middle_mm - rules.radius_mm * of_path.normal)
+            if mine.any():
+                left.append(of_path.of(mine))
     return Split(paths=kept, contact_mm=np.vstack(contacts), is_blocked=np.concatenate(is_blocked),
                  blocked=Stations.joined(left) if left else None)
+
+
+def _pieces(paths, stations, ends, first, last):
+    """[TipPath] of passes between two of their stations, counted from pass to pass."""
+    found = []
+    for path, of_path, begin in zip(paths, stations, ends):
+        low, high = max(first - begin, 0), min(last - begin, len(of_path.along_mm) - 1)
+        if high > low:
+            found.append(_piece(path, of_path.along_mm[low], of_path.along_mm[high]))
+    return found
 
 
 def _piece(path, start_mm, end_mm):

@@ -17,6 +17,7 @@ from cuspline.planning.clearing_axes import (
     RotaryUse,
     clearing_facts,
     in_words,
+    looked_at,
     reaching_cutter,
     split,
 )
@@ -50,6 +51,7 @@ FITS_MM = 0.01              # a ball that meets other faces by less fits
 SMOOTHED_SHARES = (1.0, 0.5, 0.25)      # of what an axis may be smoothed by, one after the other
 SHANK, HOLDER = range(2)    # neck and shank; the holder and all above it
 OFF_STANDING_MM = np.array([SHANK_CLEARANCE_MM, HOLDER_CLEARANCE_MM])       # what roughing has left standing beside the faces
+LIFTED = {"goes on": "lifted where the axis changes sides", "lifted": "lifted: the axis changes sides between passes"}
 SPARES_MM = (0.05, 0.2, 0.5)    # that a turned axis keeps beyond the margin at its stations, for the moves between them
 
 
@@ -163,26 +165,29 @@ def _lifting(link):
 def _clearing(work, runs, link, tool, rules):
     """Leaned of an axis that clears what is in the way.
 
-    As it is laid; if not every run can be cut so, passes are cut where the axis must change sides or nothing clears it, and
-    every piece is left lengthwise for the clearance height; if a move between two clear places is not clear, all keep off by more.
+    As it is laid; if not every run can be cut so, passes are cut where the axis must change sides or nothing clears it; if not
+    every run of them can, every piece is left lengthwise for the clearance height; if a move between two clear places is not
+    clear, all keep off by more.
     """
-    refused = None
-    for spare in SPARES_MM:
-        swing = _swing(work, tool, link, spare)
-        turning = replace(rules, swing=swing)
+    refused, swings, looks = None, {}, {}
+    for cut_where, spare in ((how, spare) for how in (None, "goes on", "lifted") for spare in SPARES_MM):
+        if cut_where is None and isinstance(refused, Blocked):
+            continue
+        swing = swings.setdefault(spare, _swing(work, tool, link, spare))
         try:
-            moves, facts, found = _turned(work, runs, link, tool, turning)
-            return Leaned(moves=moves, facts={**facts, "clearing": clearing_facts(found.turns)})
-        except (Blocked, ToolInTheWay):
-            cut = split(runs, swing, rules)
+            if cut_where is None:
+                moves, facts, found = _turned(work, runs, link, tool, replace(rules, swing=swing))
+                return Leaned(moves=moves, facts={**facts, "clearing": clearing_facts(found.turns)})
+            looked = looks[spare] = looks.get(spare) or looked_at(runs, swing, rules)
+            cut = split(looked, rules, goes_on=cut_where == "goes on")
+            left = _left(work, cut, tool, swing)
+            if not any(cut.paths):
+                raise PlanError(f"{work.operation.title}: {left.why}")
             turning = replace(rules, swing=ClearingSwing(swing.search, swing.axis, swing.use, OPEN_SHARE))
-        left = _left(work, cut, tool, swing)
-        if not any(cut.paths):
-            raise PlanError(f"{work.operation.title}: {left.why}")
-        try:
-            moves, facts, found = _turned(work, cut.paths, replace(_lifting(link), lead_radius_mm=0.0), tool, turning)
+            links = link if cut_where == "goes on" else _lifting(link)
+            moves, facts, found = _turned(work, cut.paths, replace(links, lead_radius_mm=0.0), tool, turning)
             return Leaned(moves=moves, left=left, facts={
-                "links": "lifted: the axis changes sides between passes", **facts, "clearing": clearing_facts(found.turns, left)})
+                "links": LIFTED[cut_where], **facts, "clearing": clearing_facts(found.turns, left)})
         except (Blocked, ToolInTheWay) as error:
             refused = error
     raise PlanError(f"{work.operation.title}: {refused}", rows=refused.rows)

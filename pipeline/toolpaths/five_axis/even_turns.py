@@ -56,6 +56,41 @@ def runs_of_one_bearing(least_rad):
     return found
 
 
+def runs_of_least_turn(least_rad, change_rad):
+    """The runs of stations, each along one bearing, over which the axis turns least in sum, a change of bearing counted as well.
+
+    Args:
+        least_rad: (n, b) by station and bearing; inf: not clear.   change_rad: what a change counts.
+    Returns:
+        As `runs_of_one_bearing`.
+
+    >>> inf = np.inf
+    >>> runs_of_least_turn(np.array([[0.0, 0.3], [0.0, 0.3], [inf, 0.3], [inf, inf], [0.3, inf]]), 0.4)
+    [(0, 1, 0), (1, 2, 1), (4, 4, 0)]
+    >>> runs_of_least_turn(np.array([[0.0, 0.3], [0.0, 0.3], [inf, 0.3], [inf, inf], [0.3, inf]]), 1.0)
+    [(0, 2, 1), (4, 4, 0)]
+    """
+    n, is_open = len(least_rad), np.isfinite(least_rad)
+    can = is_open.any(axis=1)
+    cost, came = np.zeros(least_rad.shape), np.zeros(least_rad.shape, int)
+    for k in range(n):
+        before = cost[k - 1] if k and can[k] and can[k - 1] else np.zeros(least_rad.shape[1])
+        best = int(before.argmin())
+        came[k] = np.where(before <= before[best] + change_rad, np.arange(len(before)), best)
+        cost[k] = np.minimum(before, before[best] + change_rad) + least_rad[k] if can[k] else 0.0
+    bearing = np.full(n, -1)
+    for k in range(n - 1, -1, -1):
+        if can[k]:
+            goes_on = k + 1 < n and can[k + 1]
+            bearing[k] = came[k + 1, bearing[k + 1]] if goes_on else cost[k].argmin()
+    found, begins = [], np.flatnonzero(np.diff(bearing, prepend=-2))
+    for first, end in zip(begins, [*begins[1:], n]):
+        if (b := int(bearing[first])) >= 0:
+            shares = first > 0 and is_open[first - 1, b]
+            found.append((int(first) - int(shares), int(end) - 1, b))
+    return found
+
+
 def _windows(values, half):
     return sliding_window_view(np.pad(values, half, mode="edge"), 2 * half + 1)
 
