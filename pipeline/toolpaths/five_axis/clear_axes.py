@@ -147,14 +147,19 @@ def zero_ways(axes, normals):
     found, first = square_to(axes), int(np.argmax(spans))
     if spans.any():
         level /= np.maximum(length, 1e-300)
-        found[first] = level[first] * (1.0 if level[first] @ found[first] >= 0.0 else -1.0)
+        found[first] = _on_the_side_of(found[first], level[first])
     for k in (*range(first + 1, len(axes)), *range(first - 1, -1, -1)):
         near = found[k - 1 if k > first else k + 1]
         if spans[k]:
-            found[k] = level[k] * (1.0 if level[k] @ near >= 0.0 else -1.0)
+            found[k] = _on_the_side_of(near, level[k])
         else:
             found[k] = square(axes[k:k + 1], near[None])[0]
     return found
+
+
+def _on_the_side_of(near, way):
+    """(3,) a way or its opposite."""
+    return way if (way * near).sum() >= 0.0 else -way
 
 
 def square(axes, ways):
