@@ -5,15 +5,17 @@ from typing import Literal
 
 import cadquery as cq
 
-from cuspline.app.catalogue import find_machine
+from cuspline.app.catalogue import find_library, find_machine
 from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
 from cuspline.planning.strategies.parallel import Parallel
 from cuspline.planning.strategies.rough import Rough
 from cuspline.planning.strategies.waterline import Waterline
-from cuspline.toolpaths.five_axis.tool_axes import ClearingAxis
+from cuspline.toolpaths.five_axis.tool_axes import ClearingAxis, FixedAxis
 
 FLOOR_MM = 10.0
 BALL = "ball 8"             # of the library that comes with it: 42 mm out of its holder
+UPRIGHT = FixedAxis(direction=(0, 0, 1))
+LONG = 98
 HALF_MM = {"wall": (25.0, 8.0), "channel": (30.0, 14.0), "blade": (25.0, 20.0)}
 
 
@@ -23,7 +25,10 @@ class Standing(Parameters):
     floor_mm: float = 16.0      # width of the channel's floor
     foot_mm: float = 0.0        # radius of the fillets round the feet of walls and blade
     ball: str = BALL
-    upright: bool = False       # three axes, with a ball that is long enough
+    around: Literal["normal", "up"] = "normal"      # the axis where nothing is in the way
+    upright: bool = False       # three axes, with a ball that is long enough: the same, 62 mm out of its holder
+    scallop_mm: float = 0.3
+    tolerance_mm: float = 0.02  # of the profile and of gouges
 
 
 def mill(name="mill_trunnion_ac"):
@@ -31,6 +36,13 @@ def mill(name="mill_trunnion_ac"):
     found = find_machine(name)
     x, y, z = found.wcs_origin_mm
     return found.model_copy(update={"wcs_origin_mm": (x, y, z + 80.0)})
+
+
+def long_ball():
+    """The library's ball of 8 mm in a longer shank, numbered LONG."""
+    ball = next(t for t in find_library(None).of_type("ball") if t.cutter.diameter_mm == 8.0)
+    cutter = ball.cutter.model_copy(update={"name": "ball 8 mm, long", "overall_length_mm": 120.0})
+    return ball.model_copy(update={"number": LONG, "stick_out_mm": 62.0, "cutter": cutter})
 
 
 @cache
@@ -57,16 +69,19 @@ def solid(form, tall_mm, floor_mm, foot_mm=0.0):
 def design(p: Standing, axis=None, **finishing) -> Design:
     """One setup: roughed upright, then the floor, or the blade's sides, along an axis (left out: whatever clears)."""
     x, y = HALF_MM[p.form]
-    axis = None if p.upright else axis or ClearingAxis()
-    finish = (Waterline if p.form == "blade" else Parallel)(tool=p.ball, name="finish", tool_axis=axis, **finishing)
+    standard = {"around": UPRIGHT} if p.around == "up" else {}
+    axis = None if p.upright else axis or ClearingAxis(**standard)
+    finish = (Waterline if p.form == "blade" else Parallel)(
+        tool=LONG if p.upright else p.ball, name="finish", tool_axis=axis, **finishing)
     faces = (FacePredicate(name="cut", count=2, normal=(1, 0, 0), normal_within_deg=20),
              FacePredicate(name="back", count=2, normal=(-1, 0, 0), normal_within_deg=20)) if p.form == "blade" else (
         FacePredicate(name="cut", count=1, normal=(0, 0, 1), normal_within_deg=5, center_max_mm=(99, 99, FLOOR_MM + 1)),)
     return Design(
         name="standing_walls", description="what a short tool must lean past", parameters=p,
+        tools=(long_ball(),) if p.upright else (),
         solid=solid(p.form, p.tall_mm, p.floor_mm, p.foot_mm), predicates=faces, material="aluminium_6061",
         machine="mill_trunnion_ac",
         stock=StockBox(min_mm=(-x, -y, 0), max_mm=(x, y, FLOOR_MM + p.tall_mm)),
-        finish=Finish(scallop_mm=0.3, profile_tolerance_mm=0.02, gouge_mm=0.02),
+        finish=Finish(scallop_mm=p.scallop_mm, profile_tolerance_mm=p.tolerance_mm, gouge_mm=p.tolerance_mm),
         setups=(Setup(name="setup-1", faces=tuple(f.name for f in faces), wcs_in_words="middle of the base",
                       operations=(Rough(tool="flat 10"), finish)),))

@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from standing_walls import FLOOR_MM, Standing, design, mill
+from standing_walls import FLOOR_MM, UPRIGHT, Standing, design, mill
 
 from cuspline.app.catalogue import find_library
 from cuspline.design import StockSkin
@@ -22,11 +22,10 @@ from cuspline.replay.clearance import ToolMoves, shank_and_holder, tool_segments
 from cuspline.shop.practice import Practice
 from cuspline.toolpaths.five_axis.clear_axes import AxisSearch
 from cuspline.toolpaths.five_axis.even_turns import even_angles
-from cuspline.toolpaths.five_axis.tool_axes import ClearingAxis, FixedAxis, LeadTilt
+from cuspline.toolpaths.five_axis.tool_axes import ClearingAxis, LeadTilt
 from cuspline.values.errors import CutterDoesNotFit, PlanError
 
 LIBRARY = find_library(None)
-UPRIGHT = FixedAxis(direction=(0, 0, 1))
 
 
 def planned(part, machine="mill_trunnion_ac", fixtures=()):
