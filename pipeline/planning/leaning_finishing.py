@@ -173,7 +173,7 @@ def _clearing(work, runs, link, tool, rules):
     for cut_where, spare in ((how, spare) for how in (None, "goes on", "lifted") for spare in SPARES_MM):
         if cut_where is None and isinstance(refused, Blocked):
             continue
-        swing = swings.setdefault(spare, _swing(work, tool, link, spare))
+        swing = swings[spare] = swings.get(spare) or _swing(work, tool, link, spare)
         try:
             if cut_where is None:
                 moves, facts, found = _turned(work, runs, link, tool, replace(rules, swing=swing))
@@ -190,7 +190,8 @@ def _clearing(work, runs, link, tool, rules):
                 "links": LIFTED[cut_where], **facts, "clearing": clearing_facts(found.turns, left)})
         except (Blocked, ToolInTheWay) as error:
             refused = error
-    raise PlanError(f"{work.operation.title}: {refused}", rows=refused.rows)
+    where = f"{work.operation.title}: " if isinstance(refused, Blocked) else ""
+    raise PlanError(f"{where}{refused}", rows=refused.rows)
 
 
 def _swing(work, tool, link, spare_mm):
@@ -343,10 +344,10 @@ def _refuse_contact(work, moves, tool):
             worst = bad[np.argmin(clear.clearance_mm[bad])]
             place = work.in_part(clear.place_mm[worst])
             raise ToolInTheWay(
-                f"{work.operation.title}: with its axis so the {what} of T{tool.number} {tool.cutter.name} come to "
-                f"{clear.clearance_mm[worst]:.3f} mm of {of_what} ({margin:.3f} wanted) "
-                f"at {place}, and in {len(bad) - 1} other moves: lean it less, or the other way, leave these faces out, or take "
-                "a slimmer or longer tool", rows=bad)
+                f"{work.operation.title}: with its axis so {clear.clearance_mm[worst]:.3f} mm are left between the {what} of "
+                f"T{tool.number} {tool.cutter.name} and {of_what} ({margin:.3f} wanted) "
+                f"at {place}, and too little in {len(bad) - 1} other moves: lean it less, or the other way, leave these faces "
+                "out, or take a slimmer or longer tool", rows=bad)
 
 
 def _in_faces(work, way, tool, into_mm):

@@ -206,7 +206,7 @@ def with_axis(part, axis):
 
 def test_a_holder_that_leans_into_the_part_is_refused_with_the_place():
     part = planned("dome")[0]
-    with pytest.raises(PlanError, match=r"finish: with its axis so the .* come to .* of the part .* at \[.*lean it less"):
+    with pytest.raises(PlanError, match=r"finish: with its axis so .* mm are left between .* and the part .* at \[.*lean"):
         plan_setup(part, with_axis(part, LeadTilt(tilt_deg=70.0)), mill("mill_trunnion_ac"), LIBRARY)
 
 
