@@ -8,7 +8,7 @@ r"""Dimples for a measuring ball: fed square to the part's face, whatever way th
 
 import numpy as np
 
-from cuspline.planning.tool_depth import HOLDER_CLEARANCE_MM, SHANK_CLEARANCE_MM
+from cuspline.planning.tool_depth import CLEARANCES_MM
 from cuspline.program.program import Moves, MoveWriter
 from cuspline.toolpaths.five_axis.clear_axes import AxisSearch
 from cuspline.values.errors import PlanError
@@ -44,7 +44,7 @@ def dimples(work):
         if deep < LEAST_MM:
             raise say(k, f"would be {max(deep, 0.0):.3f} mm deep, {LEAST_MM:g} at least: {standing[k]:.3f} mm stand on the part "
                          f"there; put it {LEAST_MM - deep:.3f} mm farther in, or leave more skin")
-    search = AxisSearch.of_tool(work.clearance_tree, tool, keep_mm=np.array([SHANK_CLEARANCE_MM, HOLDER_CLEARANCE_MM]))
+    search = AxisSearch.of_tool(work.clearance_tree, tool, keep_mm=CLEARANCES_MM)
     is_clear = search.is_clear(places, np.broadcast_to((0.0, 0.0, 1.0), places.shape))
     if not is_clear.all():
         raise say(int(np.argmin(is_clear)), f"cannot be reached by T{tool.number} {tool.cutter.name} from this direction: its "

@@ -24,7 +24,7 @@ from cuspline.planning.clearing_axes import (
 from cuspline.planning.context import MESH_DEFLECTION_MM, Left, path_tolerance_mm
 from cuspline.planning.corner_gouges import refuse_gouges
 from cuspline.planning.smoothed_axes import SmoothingSwing, smoothing_facts
-from cuspline.planning.tool_depth import HOLDER_CLEARANCE_MM, SHANK_CLEARANCE_MM
+from cuspline.planning.tool_depth import CLEARANCES_MM, HOLDER_CLEARANCE_MM
 from cuspline.planning.trailing_passes import without_plunges
 from cuspline.program.program import Kind, Moves, tilt_rad
 from cuspline.replay.clearance import SAGITTA_MM, ToolMoves, shank_and_holder, tool_segments
@@ -50,8 +50,7 @@ HIGH_MM = 1e-6              # below the approach height, that is rounding
 FITS_MM = 0.01              # a ball that meets other faces by less fits
 SMOOTHED_SHARES = (1.0, 0.5, 0.25)      # of what an axis may be smoothed by, one after the other
 SHANK, HOLDER = range(2)    # neck and shank; the holder and all above it
-OFF_STANDING_MM = np.array([SHANK_CLEARANCE_MM, HOLDER_CLEARANCE_MM])       # what roughing has left standing beside the faces
-LIFTED = {"goes on": "lifted where the axis changes sides", "lifted": "lifted: the axis changes sides between passes"}
+LIFTED = {True: "lifted where the axis changes sides", False: "lifted: the axis changes sides between passes"}
 SPARES_MM = (0.05, 0.2, 0.5)    # that a turned axis keeps beyond the margin at its stations, for the moves between them
 
 
@@ -169,27 +168,31 @@ def _clearing(work, runs, link, tool, rules):
     every run of them can, every piece is left lengthwise for the clearance height; if a move between two clear places is not
     clear, all keep off by more.
     """
-    refused, swings, looks = None, {}, {}
-    for cut_where, spare in ((how, spare) for how in (None, "goes on", "lifted") for spare in SPARES_MM):
-        if cut_where is None and isinstance(refused, Blocked):
-            continue
-        swing = swings[spare] = swings.get(spare) or _swing(work, tool, link, spare)
+    refused, looks = None, {}
+    for spare in SPARES_MM:
         try:
-            if cut_where is None:
-                moves, facts, found = _turned(work, runs, link, tool, replace(rules, swing=swing))
-                return Leaned(moves=moves, facts={**facts, "clearing": clearing_facts(found.turns)})
-            looked = looks[spare] = looks.get(spare) or looked_at(runs, swing, rules)
-            cut = split(looked, rules, goes_on=cut_where == "goes on")
+            moves, facts, found = _turned(work, runs, link, tool, replace(rules, swing=_swing(work, tool, link, spare)))
+            return Leaned(moves=moves, facts={**facts, "clearing": clearing_facts(found.turns)})
+        except Blocked as error:
+            refused = error
+            break
+        except ToolInTheWay as error:
+            refused = error
+    for goes_on, links in ((True, link), (False, _lifting(link))):
+        for spare in SPARES_MM:
+            swing = _swing(work, tool, link, spare)
+            looks[spare] = looks.get(spare) or looked_at(runs, swing, rules)
+            cut = split(looks[spare], rules, goes_on)
             left = _left(work, cut, tool, swing)
             if not any(cut.paths):
                 raise PlanError(f"{work.operation.title}: {left.why}")
             turning = replace(rules, swing=ClearingSwing(swing.search, swing.axis, swing.use, OPEN_SHARE))
-            links = link if cut_where == "goes on" else _lifting(link)
-            moves, facts, found = _turned(work, cut.paths, replace(links, lead_radius_mm=0.0), tool, turning)
-            return Leaned(moves=moves, left=left, facts={
-                "links": LIFTED[cut_where], **facts, "clearing": clearing_facts(found.turns, left)})
-        except (Blocked, ToolInTheWay) as error:
-            refused = error
+            try:
+                moves, facts, found = _turned(work, cut.paths, replace(links, lead_radius_mm=0.0), tool, turning)
+                return Leaned(moves=moves, left=left, facts={
+                    "links": LIFTED[goes_on], **facts, "clearing": clearing_facts(found.turns, left)})
+            except (Blocked, ToolInTheWay) as error:
+                refused = error
     where = f"{work.operation.title}: " if isinstance(refused, Blocked) else ""
     raise PlanError(f"{where}{refused}", rows=refused.rows)
 
@@ -201,7 +204,7 @@ def _swing(work, tool, link, spare_mm):
     search = AxisSearch.of_tool(
         work.obstacle_tree, tool, into_mm=into - ROUNDED_MM, keep_mm=keep + spare_mm,
         limit_rad=math.pi if limit is None else math.radians(limit))
-    search = search.with_beside(work.standing, tool, OFF_STANDING_MM + spare_mm)
+    search = search.with_beside(work.standing, tool, CLEARANCES_MM + spare_mm)
     return ClearingSwing(search, work.tool_axis, _rotary_use(work, link))
 
 
@@ -334,8 +337,8 @@ def _refuse_contact(work, moves, tool):
     shank, holder = shank_and_holder(tool)
     for what, segments, (tree, of_what), margin in (
             ("flutes", tool_segments(tool), part, -into), ("neck or shank", shank, part, keep[SHANK]),
-            ("holder", holder, part, keep[HOLDER]), ("neck or shank", shank, standing, OFF_STANDING_MM[SHANK]),
-            ("holder", holder, standing, OFF_STANDING_MM[HOLDER])):
+            ("holder", holder, part, keep[HOLDER]), ("neck or shank", shank, standing, CLEARANCES_MM[SHANK]),
+            ("holder", holder, standing, CLEARANCES_MM[HOLDER])):
         if tree is None or not len(segments) or what == "flutes" and not touches.any():
             continue
         clear = tree.certified_clearance(segments, way, margin, tolerance_mm=ROUNDED_MM)

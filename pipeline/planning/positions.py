@@ -12,7 +12,7 @@ import numpy as np
 from cuspline.kernel import brep
 from cuspline.planning.context import MESH_DEFLECTION_MM
 from cuspline.planning.cutter_choice import TOUCH_MM
-from cuspline.planning.tool_depth import HOLDER_CLEARANCE_MM, SHANK_CLEARANCE_MM
+from cuspline.planning.tool_depth import CLEARANCES_MM
 from cuspline.replay.clearance import ClearanceTree
 from cuspline.replay.machine_bodies import bodies_at, round_the_spindle
 from cuspline.shop.rotary_way import shortest_way
@@ -202,8 +202,8 @@ class _Ball:
         radius = tool.cutter.radius_mm
         middles = samples.point_mm + radius * samples.normal
         away = tree.distances_mm(BALL_MIDDLE, middles, np.broadcast_to(UP, middles.shape), TOUCH_MM / 10)
-        return cls(AxisSearch.of_tool(tree, tool, into_mm=TOUCH_MM, keep_mm=standing_mm + np.array(
-            [SHANK_CLEARANCE_MM, HOLDER_CLEARANCE_MM])), middles, away >= radius - TOUCH_MM)
+        return cls(AxisSearch.of_tool(tree, tool, into_mm=TOUCH_MM, keep_mm=standing_mm + CLEARANCES_MM),
+                   middles, away >= radius - TOUCH_MM)
 
     def seen_from(self, way, is_gentle, beside=None):
         """(n,) bool: which of places (n,) that lean little enough it finishes with its tool along a direction (3,).

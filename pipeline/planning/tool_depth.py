@@ -17,6 +17,7 @@ from cuspline.toolpaths.drop.droppers import Dropper
 
 HOLDER_CLEARANCE_MM = 1.0
 SHANK_CLEARANCE_MM = 0.05
+CLEARANCES_MM = np.array([SHANK_CLEARANCE_MM, HOLDER_CLEARANCE_MM])     # of neck and shank, and of the holder and all above it
 ROUNDING_MM = 1e-9          # heights that differ by less are the same
 SOME = 16                   # every so many-th place is looked at first: the rest seldom shows more
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from cuspline.replay.clearance import ClearanceTree, flute_segments, shank_and_holder
 from cuspline.replay.clearance_kernels import BOTTOM, GROW, TOP
-from cuspline.toolpaths.five_axis.clear_axis_kernels import clear_rows, smallest_angles
+from cuspline.toolpaths.five_axis.clear_axis_kernels import SPANNED, clear_rows, go_on, smallest_angles
 from cuspline.values import fixed_math as fixed
 from cuspline.values.arrays import for_kernel, frozen
 from cuspline.values.threads import in_blocks
@@ -22,8 +22,7 @@ from cuspline.values.threads import in_blocks
 BLOCK = 512                 # rows that one thread takes at a time; neighbours help each other
 BEARINGS = 24               # looked at first over both angles, then between the best and its neighbours
 HALVINGS = 6                # of the way to these: to a quarter of a degree of bearing
-SAME_WAY = 1e-6             # a normal nearer to the axis than this spans no plane with it,
-SPANNED = 0.02              # and one nearer than this none that a run can go by
+SAME_WAY = 1e-6             # a normal nearer to the axis than this spans no plane with it
 NEARLY = 0.9                # of a unit vector's X: along X
 
 
@@ -145,21 +144,10 @@ def zero_ways(axes, normals):
     level, length = _level(axes, normals)
     spans = length[:, 0] > SPANNED
     found, first = square_to(axes), int(np.argmax(spans))
-    if spans.any():
+    if len(found):
         level /= np.maximum(length, 1e-300)
-        found[first] = _on_the_side_of(found[first], level[first])
-    for k in (*range(first + 1, len(axes)), *range(first - 1, -1, -1)):
-        near = found[k - 1 if k > first else k + 1]
-        if spans[k]:
-            found[k] = _on_the_side_of(near, level[k])
-        else:
-            found[k] = square(axes[k:k + 1], near[None])[0]
+        go_on(for_kernel(axes), level, spans, found, first)
     return found
-
-
-def _on_the_side_of(near, way):
-    """(3,) a way or its opposite."""
-    return way if (way * near).sum() >= 0.0 else -way
 
 
 def square(axes, ways):
@@ -182,11 +170,6 @@ def toward(axes, zero, bearings_rad):
 def turned(axes, ways, angles_rad):
     """(n, 3) axes turned by angles (n,) toward the ways."""
     return fixed.cos(angles_rad)[:, None] * axes + fixed.sin(angles_rad)[:, None] * ways
-
-
-def swung(axes, normals, angles_rad, bearings_rad):
-    """(n, 3) axes turned by angles (n,) toward bearings (n,) of `ways_of`."""
-    return turned(axes, ways_of(axes, normals, bearings_rad), angles_rad)
 
 
 def _rest(tool, keep_mm):

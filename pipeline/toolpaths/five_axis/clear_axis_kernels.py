@@ -13,13 +13,14 @@ import numpy as np
 from cuspline.replay.clearance_kernels import NEAREST, least_distance, segment_distance, set_place, workspace
 from cuspline.values import fixed_math as fixed
 from cuspline.values.compiled import njit
-from cuspline.values.rows import X, Y, Z
+from cuspline.values.rows import X, Y, Z, put
 
 SMALLEST_STEP_RAD = math.radians(0.05)
 DEEP_MM = 0.5               # a point so deep in the way is deep enough to go on from
 ROUGH_MM = 0.2              # how roughly the tool is looked at first
 CLOSE_MM = 0.002            # and where that does not tell
 MARCHES = 24                # steps past one point at the most; the search goes on from any of them
+SPANNED = 0.02              # sine between axis and normal: nearer to each other they span no plane that a run can go by
 PART, BESIDE = range(2)     # of the hints: triangles of the two meshes
 STUCK_RAD = 1e-5            # of a step past a point: the smallest step does as well
 
@@ -120,3 +121,27 @@ def clear_rows(mesh, segments, beside, beside_segments, middles, axes, radius, i
     for i in range(first, last):
         _stand(place, middles[i], axes[i], axes[i], 0.0, radius)
         is_clear[i], _, _ = _is_clear_of_both(mesh, segments, beside, beside_segments, place, hints, work)
+
+
+@njit
+def go_on(axes, level, spans, found, first):
+    """`found` (n, 3), `square_to` at first, from one row to both ends: `level` or its opposite, the nearer to the way before.
+
+    Where level spans no plane: what is left of the way before, square to the axis.
+    """
+    for step in (1, -1):
+        k = first if step == 1 else first - 1
+        while 0 <= k < len(found):
+            near = found[k - step] if k != first else found[first]
+            if spans[k]:
+                dot = level[k, X] * near[X] + level[k, Y] * near[Y] + level[k, Z] * near[Z]
+                sign = 1.0 if dot >= 0.0 else -1.0
+                for j in range(3):
+                    found[k, j] = sign * level[k, j]
+            elif k != first:
+                along = near[X] * axes[k, X] + near[Y] * axes[k, Y] + near[Z] * axes[k, Z]
+                x, y, z = near[X] - along * axes[k, X], near[Y] - along * axes[k, Y], near[Z] - along * axes[k, Z]
+                length = math.sqrt(x * x + y * y + z * z)
+                if length > SPANNED:
+                    put(found[k], (x / length, y / length, z / length))
+            k += step

@@ -7,6 +7,9 @@ r"""How far the axis turns along a run: from the least that clears each station 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from cuspline.values.arrays import for_kernel
+from cuspline.values.compiled import njit
+
 
 def even_angles(least_rad, window):
     """Angles nowhere below the least.
@@ -71,24 +74,36 @@ def runs_of_least_turn(least_rad, change_rad):
     [(0, 2, 1), (4, 4, 0)]
     """
     n, is_open = len(least_rad), np.isfinite(least_rad)
-    can = is_open.any(axis=1)
-    cost, came = np.zeros(least_rad.shape), np.zeros(least_rad.shape, int)
-    for k in range(n):
-        before = cost[k - 1] if k and can[k] and can[k - 1] else np.zeros(least_rad.shape[1])
-        best = int(before.argmin())
-        came[k] = np.where(before <= before[best] + change_rad, np.arange(len(before)), best)
-        cost[k] = np.minimum(before, before[best] + change_rad) + least_rad[k] if can[k] else 0.0
     bearing = np.full(n, -1)
-    for k in range(n - 1, -1, -1):
-        if can[k]:
-            goes_on = k + 1 < n and can[k + 1]
-            bearing[k] = came[k + 1, bearing[k + 1]] if goes_on else cost[k].argmin()
+    _choose_bearings(for_kernel(least_rad), is_open.any(axis=1), float(change_rad), bearing)
     found, begins = [], np.flatnonzero(np.diff(bearing, prepend=-2))
     for first, end in zip(begins, [*begins[1:], n]):
         if (b := int(bearing[first])) >= 0:
             shares = first > 0 and is_open[first - 1, b]
             found.append((int(first) - int(shares), int(end) - 1, b))
     return found
+
+
+@njit
+def _choose_bearings(least, is_clear, change, bearing):
+    """`bearing` (n,) of every station that some bearing clears; stretches between others are chosen each for itself."""
+    n, count = least.shape
+    cost, came, best = np.zeros(count), np.zeros((n, count), np.int64), np.zeros(n, np.int64)
+    for k in range(n):
+        if not is_clear[k]:
+            cost[:] = 0.0
+            continue
+        at = best[k - 1]
+        stays = k == 0 or not is_clear[k - 1]
+        changed = cost[at] + change
+        for j in range(count):
+            came[k, j] = j if stays or cost[j] <= changed else at
+            cost[j] = (cost[j] if stays else min(cost[j], changed)) + least[k, j]
+        best[k] = cost.argmin()
+    for k in range(n - 1, -1, -1):
+        if is_clear[k]:
+            goes_on = k + 1 < n and is_clear[k + 1]
+            bearing[k] = came[k + 1, bearing[k + 1]] if goes_on else best[k]
 
 
 def _windows(values, half):

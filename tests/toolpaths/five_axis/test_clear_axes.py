@@ -1,5 +1,6 @@
 """The smallest angle that clears a tool, beside closed forms and beside looking at every angle."""
 
+import itertools
 import math
 
 import numpy as np
@@ -8,8 +9,8 @@ from known_tools import tool
 
 from cuspline.replay.clearance import ClearanceTree, stacked_head
 from cuspline.shop.cutters import ToolLibrary
-from cuspline.toolpaths.five_axis.clear_axes import AxisSearch, square_to, swung, turned, ways_of, zero_ways
-from cuspline.toolpaths.five_axis.even_turns import even_angles, runs_of_one_bearing
+from cuspline.toolpaths.five_axis.clear_axes import AxisSearch, square_to, turned, ways_of, zero_ways
+from cuspline.toolpaths.five_axis.even_turns import even_angles, runs_of_least_turn, runs_of_one_bearing
 
 EVERY_RAD = math.radians(0.05)          # between the angles of the brute force
 WITHIN_RAD = math.radians(0.1)
@@ -37,6 +38,11 @@ def tree_of(*meshes):
 
 CHANNEL = tree_of(wall(lambda y, z: -15.0 + 0.1 * y - 0.12 * z * np.sin(y / 15), height=54.0),
                   wall(lambda y, z: 13.0 - 0.08 * y + 0.2 * z * np.cos(y / 20), height=50.0))
+
+
+def swung(axes, normals, angles_rad, bearings_rad):
+    """(n, 3) axes turned by angles (n,) toward bearings (n,) of `ways_of`."""
+    return turned(axes, ways_of(axes, normals, bearings_rad), angles_rad)
 
 
 def searched(tree=CHANNEL, **more):
@@ -197,3 +203,28 @@ def test_a_pass_is_cut_into_the_fewest_runs_of_one_bearing():
     least = np.array([[0.1, inf], [0.1, 0.2], [inf, 0.2], [inf, inf], [inf, 0.3], [0.2, 0.3], [0.1, inf]])
     assert runs_of_one_bearing(least) == [(0, 1, 0), (1, 2, 1), (4, 5, 1), (5, 6, 0)]
     assert runs_of_one_bearing(np.full((4, 2), inf)) == [] and runs_of_one_bearing(np.zeros((4, 2))) == [(0, 3, 0)]
+
+
+def test_runs_of_least_turn_are_the_cheapest_of_all_choices():
+    """Every choice of a bearing a station, tried; stations that nothing clears part the run."""
+    rng = np.random.default_rng(3)
+    for _ in range(40):
+        least = np.where(rng.random((6, 3)) < 0.35, np.inf, rng.uniform(0.0, 1.0, (6, 3)))
+        is_clear, change = np.isfinite(least).any(axis=1), rng.uniform(0.05, 0.6)
+        joined = is_clear[1:] & is_clear[:-1]
+
+        def cost(chosen):
+            chosen = np.asarray(chosen)
+            return least[is_clear, chosen[is_clear]].sum() + change * (joined & (chosen[1:] != chosen[:-1])).sum()
+
+        runs = runs_of_least_turn(least, change)
+        chosen = np.zeros(6, int)
+        for first, last, bearing in runs:
+            assert np.isfinite(least[first:last + 1, bearing]).all()
+            chosen[first:last + 1] = bearing
+        # a run that begins where the one before ends shares that station: it is the one before's
+        for (_, last, bearing), (first, _, _) in zip(runs, runs[1:]):
+            if first == last:
+                chosen[last] = bearing
+        assert set(np.flatnonzero(is_clear)) == {k for first, last, _ in runs for k in range(first, last + 1)}
+        assert cost(chosen) == pytest.approx(min(cost(c) for c in itertools.product(range(3), repeat=6)))
