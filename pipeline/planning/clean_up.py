@@ -20,7 +20,7 @@ from cuspline.planning.freeform_finishing import (
     link_rules,
     wall_paths_at,
 )
-from cuspline.planning.tool_depth import missing_stick_outs_mm, too_short
+from cuspline.planning.tool_depth import too_short
 from cuspline.program.program import Moves
 from cuspline.toolpaths.freeform.parallel_passes import parallel_curves
 from cuspline.toolpaths.freeform.plane_curves import PlaneCurve
@@ -124,7 +124,7 @@ def _tips_mm(tool, foot):
 
 def _missing_mm(work, tool, foot, left_mm):
     """(n,) stick-out that a ball lacks at places."""
-    return missing_stick_outs_mm(tool, _tips_mm(tool, foot), work.mesh, work.practice.rough_allowance_mm + left_mm)
+    return work.missing_mm(tool, _tips_mm(tool, foot), left_mm)
 
 
 def _fits(work, tool, foot):

@@ -7,6 +7,7 @@
         (__)
 """
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -20,6 +21,7 @@ SHANK_CLEARANCE_MM = 0.05
 CLEARANCES_MM = np.array([SHANK_CLEARANCE_MM, HOLDER_CLEARANCE_MM])     # of neck and shank, and of the holder and all above it
 ROUNDING_MM = 1e-9          # heights that differ by less are the same
 SOME = 16                   # every so many-th place is looked at first: the rest seldom shows more
+SLICE_MM = 0.5              # of radius: a cone is looked at as cylinders, each as wide as its upper end
 
 
 def clear_tips_mm(tool, mesh, xy_mm, stock_mm, least_mm=-np.inf):
@@ -76,10 +78,13 @@ def too_short(tool, missing_mm):
 
 def _wide_frusta(tool, stock_mm):
     """(z0, radius, clearance) of neck, shank and holder where they are wider than the cutter that goes before them."""
-    for z0, r0, _, r1 in tool.non_cutting_frusta():
+    for z0, r0, z1, r1 in tool.non_cutting_frusta():
         clearance = stock_mm + (HOLDER_CLEARANCE_MM if z0 >= tool.stick_out_mm - 1e-9 else SHANK_CLEARANCE_MM)
-        if max(r0, r1) + clearance > tool.cutter.radius_mm:
-            yield z0, max(r0, r1), clearance
+        slices = max(1, math.ceil((r1 - r0) / SLICE_MM))        # that narrows upward: in the shadow of its lower end
+        for k in range(slices):
+            radius = max(r0, r0 + (r1 - r0) * (k + 1) / slices)
+            if radius + clearance > tool.cutter.radius_mm:
+                yield z0 + (z1 - z0) * k / slices, radius, clearance
 
 
 class ShortToolDropper(Dropper):
