@@ -174,7 +174,7 @@ def _mended(plan, want, number, by):
     if not added:
         why = why_out_of_reach(context, plan.operations, places, want.left_mm)
         return _told(plan, {**told, "done": f"nothing: {why}"})
-    done = ", ".join(f"T{o.tool.number} {o.tool.cutter.name}" for o in added)
+    done = ", ".join(f"T{o.tool.number} {o.tool.cutter.name}{', leaning' if 'tool_axis' in o.facts else ''}" for o in added)
     rest = int((~touched).sum())
     return replace(plan, operations=(*plan.operations, *context.as_cut(added)), mending=(*plan.mending, {
         **told, "done": f"clean-up passes with {done}" + (f"; {counted(rest, 'place')} out of reach" if rest else "")}))

@@ -1,10 +1,12 @@
 """Clean-up passes: closer passes round places where a check has found more left than the finish allows.
 
 The check measures on the exact faces what the posted program leaves; its places come back here and are cut again with
-the largest ball that touches them: the plan's own balls first, then smaller ones of the library.
+the largest ball that touches them: the plan's own balls first, then smaller ones of the library.  What no upright one comes to,
+since its shank or holder is in the way, is cut with the tool axis of the operation that finished the face.
 """
 
 import math
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -20,15 +22,17 @@ from cuspline.planning.freeform_finishing import (
     link_rules,
     wall_paths_at,
 )
+from cuspline.planning.leaning_finishing import leaned, middle_tolerance_mm
 from cuspline.planning.tool_depth import too_short
 from cuspline.program.program import Moves
+from cuspline.toolpaths.five_axis.tool_axes import FastestAxis, ToolAxis
 from cuspline.toolpaths.freeform.parallel_passes import parallel_curves
 from cuspline.toolpaths.freeform.plane_curves import PlaneCurve
 from cuspline.toolpaths.freeform.tip_field import tip_field
-from cuspline.toolpaths.freeform.tip_links import moves_of_tip_paths
 from cuspline.toolpaths.freeform.tip_paths import PathRules, tip_paths
 from cuspline.values import fixed_math as fixed
 from cuspline.values.clusters import clusters_of
+from cuspline.values.errors import PlanError, ToolpathError
 
 BEYOND_STEPS = 0.75         # of the finish's own step: passes run that far beyond a place
 GROUP_STEPS = 6.0           # places nearer to each other than that are cut together
@@ -52,23 +56,31 @@ def clean_up(work, operations, places_mm, left_mm, number):
     Returns:
         (list of PlannedOperation, (n,) bool: places that some ball touches).
     """
-    finish = work.finish
-    ridge_mm = float(fixed.power(CLOSER, number)) * ridge_for_step_mm("clean-up", finish.scallop_mm, finish)
+    ridge_mm = float(fixed.power(CLOSER, number)) * ridge_for_step_mm("clean-up", work.finish.scallop_mm, work.finish)
     foot = work.closest.closest_points(places_mm)
     open_, added = np.ones(len(places_mm), bool), []
-    for tool in _balls(work, operations):
-        mine = open_ & _touched(work, tool, foot, left_mm)
-        moves = _moves(work, tool, foot.point_mm[mine], foot.normal[mine], ridge_mm, left_mm) if mine.any() else None
+    for tool, how in _ways(work, operations):
+        mine = open_ & _touched(how, tool, foot, left_mm)
+        moves, is_cut = _moves(how, tool, foot.point_mm[mine], foot.normal[mine], ridge_mm, left_mm)
         if moves is not None:
-            open_ &= ~mine
-            rpm, _ = work.speeds(tool, is_rough=False)
-            facts = {"allowance_mm": 0.0, "scallop_mm": finish.scallop_mm, "ridge_for_step_mm": round(ridge_mm, 6),
-                     "stepover_mm": round(flat_step_mm(tool, ridge_mm), 6), "places": int(mine.sum()),
-                     "segment_tolerance_mm": path_tolerance_mm(finish), "candidates": []}
-            added.append(work.measured(f"clean-up {number}", tool, rpm, moves, facts))
+            open_[np.flatnonzero(mine)[is_cut]] = False
+            rpm, _ = how.speeds(tool, is_rough=False)
+            facts = {"allowance_mm": 0.0, "scallop_mm": work.finish.scallop_mm, "ridge_for_step_mm": round(ridge_mm, 6),
+                     "stepover_mm": round(flat_step_mm(tool, ridge_mm), 6), "places": int(is_cut.sum()),
+                     "segment_tolerance_mm": path_tolerance_mm(work.finish), "candidates": [],
+                     **({} if how.tool_axis is None else {"tool_axis": how.operation.tool_axis.model_dump(mode="json")})}
+            added.append(how.measured(f"clean-up {number}", tool, rpm, moves, facts))
         if not open_.any():
             break
     return added, ~open_
+
+
+def _ways(work, operations):
+    """[(Tool, PlanningContext)]: balls that may clean up and how they are held, in the order in which they are tried."""
+    upright = work if work.tool_axis is None else work.of(work.operation.model_copy(update={"tool_axis": None}), operations)
+    leaning = [work.of(o, operations) for o in work.setup.operations
+               if isinstance(o.tool_axis, ToolAxis) and not isinstance(o.tool_axis, FastestAxis)]
+    return [(tool, how) for how in (upright, *leaning) for tool in _balls(work, operations)]
 
 
 def _balls(work, operations):
@@ -82,7 +94,10 @@ def _balls(work, operations):
 
 
 def _touched(work, tool, foot, left_mm):
-    """(n,) bool: the ball touches the place, with nothing else in its way and its holder clear."""
+    """(n,) bool: the ball touches the place, with nothing else in its way and its holder clear; one that leans its own faces,
+    whatever is in the way of its holder upright."""
+    if work.tool_axis is not None:
+        return np.isin(foot.face, work.wanted) & _fits(work, tool, foot)
     return _fits(work, tool, foot) & (_missing_mm(work, tool, foot, left_mm) <= 0)
 
 
@@ -146,13 +161,17 @@ def _fits(work, tool, foot):
 
 
 def _moves(work, tool, places_mm, normals, ridge_mm, left_mm):
-    """Moves round places, group by group; None where none come about."""
+    """(Moves round places, group by group, None where none come about; (n,) bool: places they are for)."""
+    is_cut = np.zeros(len(places_mm), bool)
+    if not len(places_mm):
+        return None, is_cut
     finish, radius = work.finish, tool.cutter.radius_mm
     wide = flat_step_mm(tool, ridge_for_step_mm("clean-up", finish.scallop_mm, finish))
-    step, tolerance = flat_step_mm(tool, ridge_mm), path_tolerance_mm(finish)
+    step, tolerance = flat_step_mm(tool, ridge_mm), middle_tolerance_mm(work, tool)
     rules = PathRules(tolerance_mm=tolerance, lateral_mm=LATERAL_SHARE * step, bridge_mm=0.0)
     _, feed = work.speeds(tool, is_rough=False)
-    dropper, beyond, moves = work.dropper_with(tool, 0.0), BEYOND_STEPS * wide, []
+    dropper = work.dropper_with(tool, 0.0) if work.tool_axis is None else work.dropper_of(tool.cutter, 0.0)
+    beyond, moves = BEYOND_STEPS * wide, []
     for group in clusters_of(places_mm, GROUP_STEPS * wide):
         tips = places_mm[group] + radius * normals[group]
         low, high = tips.min(axis=0) - beyond, tips.max(axis=0) + beyond
@@ -162,10 +181,13 @@ def _moves(work, tool, places_mm, normals, ridge_mm, left_mm):
         paths = _from_above(field, near, ridge_mm, rules, step)
         paths += _round_walls(work, field, tips[:, 2] - radius, normals[group], near, step, tolerance)
         paths += _along_fillets(work, field, places_mm[group], tips, rules, step)
-        if paths:
-            moves.append(moves_of_tip_paths(paths, link_rules(work, tool, field, tolerance, step, feed,
-                                                              work.practice.rough_allowance_mm + left_mm)))
-    return Moves.joined(moves) if moves else None
+        if not paths:
+            continue
+        link = link_rules(work, tool, field, tolerance, step, feed, work.practice.rough_allowance_mm + left_mm)
+        with suppress(PlanError, ToolpathError):        # the tool is in the way however it leans: the next one is tried
+            moves.append(leaned(work, [paths], link, tool).moves)
+            is_cut[group] = True
+    return Moves.joined(moves) if moves else None, is_cut
 
 
 def _from_above(field, near, ridge_mm, rules, step_mm):

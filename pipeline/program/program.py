@@ -81,7 +81,7 @@ class Moves:
 
     @classmethod
     def joined(cls, parts):
-        """Several runs of moves one after the other; a rapid leads from each end to the next start.
+        """Several runs of moves one after the other; a rapid leads from each end to the next start, and turns to its axis.
 
         Raises:
             ToolpathError: there is nothing to join.
@@ -90,15 +90,15 @@ class Moves:
             raise ToolpathError("no moves to join: the operation came out empty")
         column = lambda name: np.concatenate(
             [piece for k, part in enumerate(parts) for piece in
-             ([cls._link(parts[k - 1], part)[name]] if k else []) + [getattr(part, name)]])
+             ([cls._link(part)[name]] if k else []) + [getattr(part, name)]])
         return cls(start_mm=parts[0].start_mm, **{n: column(n) for n in (
             "kind", "end_mm", "center_mm", "plane", "axis", "feed_mm_per_min")})
 
     @staticmethod
-    def _link(before, after):
+    def _link(after):
         """One rapid to where the next part begins, as columns."""
         return {"kind": np.array([Kind.RAPID]), "end_mm": after.start_mm[None], "center_mm": np.full((1, 3), np.nan),
-                "plane": np.array([Plane.XY]), "axis": before.axis[-1:], "feed_mm_per_min": np.zeros(1)}
+                "plane": np.array([Plane.XY]), "axis": after.axis[:1], "feed_mm_per_min": np.zeros(1)}
 
     @property
     def tilt_rad(self):

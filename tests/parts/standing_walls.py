@@ -26,6 +26,7 @@ class Standing(Parameters):
     foot_mm: float = 0.0        # radius of the fillets round the feet of walls and blade
     ball: str = BALL
     around: Literal["normal", "up"] = "normal"      # the axis where nothing is in the way
+    is_whole: bool = False      # a channel's walls and fillets too, not the floor alone
     upright: bool = False       # three axes, with a ball that is long enough: the same, 62 mm out of its holder
     scallop_mm: float = 0.3
     tolerance_mm: float = 0.02  # of the profile and of gouges
@@ -71,11 +72,12 @@ def design(p: Standing, axis=None, **finishing) -> Design:
     x, y = HALF_MM[p.form]
     standard = {"around": UPRIGHT} if p.around == "up" else {}
     axis = None if p.upright else axis or ClearingAxis(**standard)
-    finish = (Waterline if p.form == "blade" else Parallel)(
-        tool=LONG if p.upright else p.ball, name="finish", tool_axis=axis, **finishing)
-    faces = (FacePredicate(name="cut", count=2, normal=(1, 0, 0), normal_within_deg=20),
-             FacePredicate(name="back", count=2, normal=(-1, 0, 0), normal_within_deg=20)) if p.form == "blade" else (
-        FacePredicate(name="cut", count=1, normal=(0, 0, 1), normal_within_deg=5, center_max_mm=(99, 99, FLOOR_MM + 1)),)
+    of = {"tool": LONG if p.upright else p.ball, "tool_axis": axis, **finishing}
+    faces = _faces(p)
+    finish = Waterline(name="finish", **of) if p.form == "blade" else Parallel(name="finish", **of)
+    if p.is_whole:
+        finish = finish.model_copy(update={"faces": ("cut", "fillets")})
+    walls = (Waterline(name="walls", faces=("walls", "fillets"), **of),) if p.is_whole else ()
     return Design(
         name="standing_walls", description="what a short tool must lean past", parameters=p,
         tools=(long_ball(),) if p.upright else (),
@@ -84,4 +86,17 @@ def design(p: Standing, axis=None, **finishing) -> Design:
         stock=StockBox(min_mm=(-x, -y, 0), max_mm=(x, y, FLOOR_MM + p.tall_mm)),
         finish=Finish(scallop_mm=p.scallop_mm, profile_tolerance_mm=p.tolerance_mm, gouge_mm=p.tolerance_mm),
         setups=(Setup(name="setup-1", faces=tuple(f.name for f in faces), wcs_in_words="middle of the base",
-                      operations=(Rough(tool="flat 10"), finish)),))
+                      operations=(Rough(tool="flat 10"), *walls, finish)),))
+
+
+def _faces(p):
+    """(FacePredicate, ...) of what is finished."""
+    if p.form == "blade":
+        return (FacePredicate(name="cut", count=2, normal=(1, 0, 0), normal_within_deg=20),
+                FacePredicate(name="back", count=2, normal=(-1, 0, 0), normal_within_deg=20))
+    x, y = (half - 1.0 for half in HALF_MM[p.form])
+    foot = FLOOR_MM + p.foot_mm
+    floor = FacePredicate(name="cut", count=1, normal=(0, 0, 1), normal_within_deg=5, center_max_mm=(99, 99, FLOOR_MM + 1))
+    within = lambda name, low, high: FacePredicate(name=name, count=2, center_min_mm=(-x, -y, low), center_max_mm=(x, y, high))
+    walls = within("walls", foot + 1.0, FLOOR_MM + p.tall_mm - 1.0), within("fillets", FLOOR_MM + 0.1, foot)
+    return (floor, *walls) if p.is_whole else (floor,)

@@ -13,11 +13,13 @@ from cuspline.design import StockSkin
 from cuspline.design.fixtures import FixtureBox
 from cuspline.design.stock import settled
 from cuspline.kernel import brep
+from cuspline.planning.clean_up import clean_up
 from cuspline.planning.clearing_axes import RotaryUse
+from cuspline.planning.context import PlanningContext
 from cuspline.planning.leaning_finishing import normal_error
 from cuspline.planning.plan import plan_setup
 from cuspline.planning.tool_depth import HOLDER_CLEARANCE_MM
-from cuspline.program.program import Kind
+from cuspline.program.program import Kind, tilt_rad
 from cuspline.replay.clearance import ToolMoves, shank_and_holder, tool_segments
 from cuspline.shop.practice import Practice
 from cuspline.toolpaths.five_axis.clear_axes import AxisSearch
@@ -75,6 +77,28 @@ def test_an_upright_tool_is_too_short_and_a_clearing_one_leans_no_more_than_it_m
     assert least < clearing["largest_deg"] < least + 0.5          # 0.05 mm in hand
     assert operation.facts["links"] == "zig-zag" and operation.facts["largest_turn_deg"] <= 2.001
     assert "left_mm2" not in clearing and spare_mm(plan) > plan.context.practice.rough_allowance_mm
+
+
+def test_clean_up_passes_lean_where_the_operation_that_finished_the_face_does_and_only_there():
+    """Far from the wall a place is cut upright, beside it along the operation's axis; with one that stands it is left."""
+    plan = beside_the_wall()
+    work, floor = plan.context, np.array([[x, y, FLOOR_MM] for x in (-10.8, -10.0, 8.0, 9.0) for y in (-1.0, 0.0, 1.0)])
+    (upright, leaning), touched = clean_up(work, plan.operations, floor, 0.1, 1)
+    assert touched.all() and (upright.moves.axis == (0, 0, 1)).all()
+    most = plan.operations[-1].facts["clearing"]["largest_deg"]
+    assert 5.0 < np.degrees(tilt_rad(leaning.moves.axis)).max() < most + 0.5
+    for made, of in ((upright, floor[6:]), (leaning, floor[:6])):
+        radius = made.tool.cutter.radius_mm
+        axes, tips = np.vstack([made.moves.axis[:1], made.moves.axis]), np.vstack([made.moves.start_mm, made.moves.end_mm])
+        middles = tips + radius * axes
+        share = np.linspace(0.0, 1.0, 50)[:, None, None]
+        along = (middles[:-1] + share * np.diff(middles, axis=0)).reshape(-1, 3)
+        left = np.linalg.norm(along[:, None] - of, axis=2).min(axis=0) - radius
+        assert -work.finish.gouge_mm < left.min() and left.max() < work.finish.scallop_mm
+    standing = work.setup.operations[0].model_copy(update={"tool_axis": None})
+    held = PlanningContext(work.design, work.setup.model_copy(update={"operations": (standing,)}), work.machine, LIBRARY)
+    (alone,), touched = clean_up(held, plan.operations, floor, 0.1, 1)
+    assert touched.tolist() == [False] * 6 + [True] * 6 and (alone.moves.axis == (0, 0, 1)).all()
 
 
 def test_far_from_the_wall_the_axis_stands():

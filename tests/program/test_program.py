@@ -1,6 +1,7 @@
 """Moves, tools, machines and frames: what they hold and what they refuse."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -44,6 +45,8 @@ def test_joined_runs_are_linked_by_a_rapid():
     joined = Moves.joined([two_feeds(), two_feeds()])
     assert joined.kind.tolist() == [Kind.FEED, Kind.FEED, Kind.RAPID, Kind.FEED, Kind.FEED]
     np.testing.assert_array_equal(joined.end_mm[2], (0, 0, 10))
+    leaning = replace(two_feeds(), axis=np.full((2, 3), (0.6, 0.0, 0.8)))
+    np.testing.assert_array_equal(Moves.joined([two_feeds(), leaning]).axis[2], (0.6, 0.0, 0.8))
     with pytest.raises(ToolpathError, match="came out empty"):
         Moves.joined([])
 
