@@ -18,11 +18,12 @@ from cuspline.planning.finishing_chain import FinishingWork
 from cuspline.planning.plating import in_metal, library_within_skin
 from cuspline.planning.standing_stock import standing_tree
 from cuspline.planning.tool_depth import (
+    Beside,
     ShortToolDropper,
-    clear_tips_mm,
     is_clear_above,
-    missing_stick_out_mm,
-    missing_stick_outs_mm,
+    lacking_mm,
+    lowest_tips_mm,
+    most_lacking_mm,
 )
 from cuspline.program.program import UPRIGHT, Kind, Moves
 from cuspline.replay.clearance import ClearanceTree
@@ -62,7 +63,7 @@ ROUND_PLACES, ROUND_SHARES = 16, np.array([0.25, 0.5, 0.75, 1.0])      # round a
 THIN_MM = 0.05              # of the needle that finds the part
 STEEP_DEG = 65.0            # clean-up passes of a setup with several operations: walls beyond get waterlines
 NEAR_RADII = 3.0            # of a cutter round the faces that a position cuts: what it may touch
-MADE_AGAIN = "mesh", "uncut", "geometry", "clearance", "obstacles"       # what `let_go` forgets: 200 MB of a propeller
+MADE_AGAIN = "mesh", "uncut", "tree of uncut", "geometry", "clearance", "obstacles"     # what `let_go` forgets: 200 MB and more
 STEEPEST_RAMP_DEG = 44.9    # a preset's may be 90: straight down
 AXIS = 1e-9                 # how exactly a tool axis must be the setup's Z
 
@@ -408,54 +409,35 @@ class PlanningContext:
         if not self._is_short(tool):
             return dropper
 
-        def lowest_mm(xy_mm, tips_mm):
-            for mesh, standing_mm in self.beside_tools:
-                tips_mm = clear_tips_mm(tool, mesh, xy_mm, standing_mm, tips_mm)
-            return tips_mm
-
-        return ShortToolDropper(dropper, lowest_mm)
+        return ShortToolDropper(dropper, lambda xy_mm, tips_mm: lowest_tips_mm(tool, self.beside_tools, xy_mm, tips_mm))
 
     @property
     def beside_tools(self):
-        """[(DropMesh, mm)]: what necks, shanks and holders must clear, and the most that stands on it.
-
-        On the part what roughing leaves; on faces of a casting that the setup does not cut its skin.
-        """
+        """[tool_depth.Beside]: the part with what roughing leaves on it; of a casting's uncut faces its skin."""
         skin_mm = getattr(self.design.stock, "thickest_mm", None)
-        part = [(self.mesh, self.practice.rough_allowance_mm)]
-        return part if skin_mm is None or self._uncut is None else [*part, (self._uncut, skin_mm)]
+        part = [Beside(self.mesh, lambda: self.clearance_tree, self.practice.rough_allowance_mm)]
+        if skin_mm is None or not len(self._uncut):
+            return part
+        mesh = self.once("uncut", lambda: DropMesh.from_triangles(self.triangles.vertices_mm, self._uncut))
+        tree = lambda: self.once("tree of uncut", lambda: ClearanceTree.of_triangles(self.triangles.vertices_mm, self._uncut))
+        return [*part, Beside(mesh, tree, skin_mm)]
 
-    @property
+    @cached_property
     def _uncut(self):
-        """DropMesh of the faces that the setup does not cut; None: it cuts all."""
-        def made():
-            faces = self._faces_of_part
-            cut = brep.indices_of(faces, brep.named_faces(faces, self.design.predicates, self.setup.faces))
-            rows = ~np.isin(self.triangles.face_of_triangle, cut)
-            return DropMesh.from_triangles(self.triangles.vertices_mm, self.triangles.triangles[rows]) if rows.any() else None
-
-        return self.once("uncut", made)
-
-    def missing_mm(self, tool, tips_mm, more_mm=0.0):
-        """(n,) stick-out that a tool lacks at tips (n, 3), see tool_depth; `more_mm`: that stands on all of it besides."""
-        missing = np.zeros(len(tips_mm))
-        for mesh, standing_mm in self.beside_tools:
-            missing = np.maximum(missing, missing_stick_outs_mm(tool, tips_mm, mesh, standing_mm + more_mm))
-        return missing
-
-    def most_missing_mm(self, tool, tips_mm):
-        """The most of these."""
-        return max(missing_stick_out_mm(tool, tips_mm, mesh, standing_mm) for mesh, standing_mm in self.beside_tools)
+        """(t, 3) triangles of the faces that the setup does not cut."""
+        faces = self._faces_of_part
+        cut = brep.indices_of(faces, brep.named_faces(faces, self.design.predicates, self.setup.faces))
+        return self.triangles.triangles[~np.isin(self.triangles.face_of_triangle, cut)]
 
     def _is_short(self, tool):
         """Whether a holder or shank would touch the part where its cutter touches the faces of the operation."""
         lowest = float(self.samples.point_mm[:, 2].min()) - tool.cutter.corner_radius_mm
-        if self._is_clear_above_all(tool, lowest, max(standing_mm for _, standing_mm in self.beside_tools)):
+        if self._is_clear_above_all(tool, lowest, max(b.standing_mm for b in self.beside_tools)):
             return False
 
         def is_in_the_way():
             reach = cutter_reach(self.samples, self.mesh, tool.cutter)
-            return self.most_missing_mm(tool, reach.tip_mm[reach.is_reached]) > 0
+            return most_lacking_mm(tool, self.beside_tools, reach.tip_mm[reach.is_reached]) > 0
 
         return self.once(("short", tool.number, tuple(self.wanted)), is_in_the_way)
 
@@ -617,9 +599,9 @@ class PlanningContext:
         if isinstance(self.operation.tool_axis, ClearingAxis):
             return reach.is_reached, 0.0
         if getattr(self.operation, "steepest_deg", 90.0) == 90.0:
-            return reach.is_reached, self.most_missing_mm(tool, reach.tip_mm[reach.is_reached])
+            return reach.is_reached, most_lacking_mm(tool, self.beside_tools, reach.tip_mm[reach.is_reached])
         own = reach.is_reached & ~left_as_steep(self.operation, self.samples)
-        missing = self.missing_mm(tool, reach.tip_mm[own])
+        missing = lacking_mm(tool, self.beside_tools, reach.tip_mm[own])
         clear = own.copy()
         clear[own] = missing <= 0.0
         return clear, 0.0 if clear.any() else float(missing.max(initial=0.0))

@@ -167,8 +167,8 @@ def walls_alone(work, tool, candidates):
     tolerance, ridge_mm = middle_tolerance_mm(work, tool), ridge_for_step_mm(operation.title, finish.scallop_mm, finish)
     if operation.allowance_mm > 0.0:
         tolerance, ridge_mm = SEMI_TOLERANCE_MM, max(finish.scallop_mm, 2 * SEMI_TOLERANCE_MM) - SEMI_TOLERANCE_MM
-    is_flat = tool.cutter.corner_radius_mm == 0.0
-    step = FLAT_STEP_SHARE * tool.cutter.radius_mm if is_flat else flat_step_mm(tool, ridge_mm)
+    is_flat = tool.cutter.corner_radius_mm == 0.0 and work.corner_of(tool.cutter) is None
+    step = FLAT_STEP_SHARE * tool.cutter.radius_mm if is_flat else _step_mm(work, tool, ridge_mm)
     field = _field(work, tool, operation.allowance_mm, step / NODES_A_STEP, may_be_empty=True)
     walls = _wall_paths(work, field, tool, ridge_mm, tolerance, step)
     if not walls:
@@ -377,7 +377,7 @@ def _wall_paths(work, field, tool, ridge_mm, tolerance_mm, step_mm):
     steep = (normal < fixed.cos(steep_rad)) & (normal > -HANGS) & (samples.across_per_mm * corner > -0.98)
     if not steep.any():
         return []
-    heights = ([*_wall_heights(samples, steep, field.dropper, ridge_mm),
+    heights = ([*_wall_heights(samples, steep, field, ridge_mm),
                 *_feet(work, samples.point_mm[steep, 2], field.dropper, tolerance_mm)] if corner > 0.0 else
                _terraces(samples, steep, tool, ridge_mm, _lowest_mm(work, samples, steep, tolerance_mm)))
     return wall_paths_at(work, field, heights, tolerance_mm, step_mm)
@@ -456,12 +456,13 @@ def _steep_places(work, limit, spacing_mm):
     return cKDTree(samples.point_mm[~(fixed.arccos(np.clip(samples.normal[:, 2], -1.0, 1.0)) + turn < fixed.arccos(limit))])
 
 
-def _wall_heights(samples, steep, dropper, ridge_mm):
+def _wall_heights(samples, steep, field, ridge_mm):
     """Tip heights of the waterlines, as far apart as the cusp allows on the steep samples."""
-    radius, offset = dropper.corner_radius_mm, dropper.corner_radius_mm + dropper.allowance_mm
+    radius, offset = field.dropper.corner_radius_mm, field.dropper.corner_radius_mm + field.dropper.allowance_mm
     normal, bend = samples.normal[steep, 2], samples.across_per_mm[steep]
     tips = samples.point_mm[steep, 2] + offset * normal - radius
-    chord = stepover_for_scallop_mm(radius, ridge_mm, bend)
+    chord = stepover_for_scallop_mm(radius, ridge_mm, bend) if field.across is None else np.minimum(
+        stepover_for_scallop_mm(field.across.radius_mm, ridge_mm, bend), field.across.widest_mm)
     allowed = chord * np.sqrt(1.0 - normal ** 2) * np.minimum(1.0 + radius * bend, 1.0)
     step_at = smallest_step(tips, allowed, margin_mm=float(allowed.min()), elsewhere_mm=float(allowed.max()))
     return planes_across(float(tips.min()), float(tips.max()), step_at)

@@ -9,6 +9,7 @@ import numpy as np
 from cuspline.program.program import Kind
 from cuspline.replay.replay_kernel import RAPID, UNCUT
 from cuspline.replay.replay_stock import CELL_MM
+from cuspline.shop.cutters import cylinders_of
 from cuspline.values import fixed_math as fixed
 
 MOST_CELLS = 20_000         # of one size: so many are no fin, the move meets stock
@@ -42,11 +43,13 @@ def _is_clear(row, posted, script, wanted_mm, stock, within):
     _, of, cutter, _, _, parts, kinds = script
     k = cutter[np.flatnonzero(of == row)[0]]
     ends = np.array([posted.start_mm[row], posted.end_mm[row]])
-    for (z0, r0, _, r1, grow), (owner, kind) in zip(parts, kinds):
+    lowest = ends[:, 2].min()
+    for (*frustum, grow), (owner, kind) in zip(parts, kinds):
         if owner != k or kind == UNCUT or (kind == RAPID and posted.kind[row] != Kind.RAPID):
             continue
-        radius, floor = max(r0, r1) + grow + wanted_mm[kind], ends[:, 2].min() + z0 - grow - wanted_mm[kind]
-        if not stands_below(ends[:, :2], radius, floor, within, stock.min_mm, stock.max_mm):
+        more = grow + wanted_mm[kind]
+        if not all(stands_below(ends[:, :2], radius + more, lowest + z - more, within, stock.min_mm, stock.max_mm)
+                   for z, radius in cylinders_of(*frustum)):
             return False
     return True
 

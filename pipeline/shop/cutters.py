@@ -59,6 +59,7 @@ DRILLS = ("drill", "spot_drill")                    # types that cut along their
 POINTED = (*DRILLS, "chamfer_mill")                 # types that end in a cone
 THREADING = ("tap", "thread_mill")                   # types whose teeth leave a thread, simulated without them
 WITHOUT_CORNER = (*POINTED, *THREADING, "reamer")
+SLICE_MM = 0.5              # of a cone's radius: so much wider than it a cylinder may be that holds a slice
 CENTRE_CUTTING = ("ball", "tapered_ball", "lens", *DRILLS)  # types whose teeth meet in the middle, where a library does not say
 RAMP_DEG = 10.0             # of a cutter that does not cut at its centre: three times the ramp that is planned
 SLOT_SHARE = 0.5            # of the diameter: docs/decisions/physical_state.md
@@ -485,6 +486,19 @@ def _stacked(z, segments):
         rows.append((z, s.lower_diameter_mm / 2, z + s.height_mm, s.upper_diameter_mm / 2))
         z += s.height_mm
     return rows
+
+
+def cylinders_of(z0_mm, radius0_mm, z1_mm, radius1_mm):
+    """[(z, radius)] of cylinders from there upward that hold a frustum, each as wide as a slice's upper end.
+
+    One that narrows upward stands in the shadow of its lower end.
+
+    >>> cylinders_of(10.0, 3.0, 18.0, 4.0), cylinders_of(10.0, 3.0, 18.0, 2.0)
+    ([(10.0, 3.5), (14.0, 4.0)], [(10.0, 3.0)])
+    """
+    count = max(1, math.ceil((radius1_mm - radius0_mm) / SLICE_MM))
+    return [(z0_mm + (z1_mm - z0_mm) * k / count, max(radius0_mm, radius0_mm + (radius1_mm - radius0_mm) * (k + 1) / count))
+            for k in range(count)]
 
 
 class ToolLibrary(Model):

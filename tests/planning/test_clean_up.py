@@ -13,7 +13,7 @@ from cuspline.design.stock import settled
 from cuspline.kernel import brep
 from cuspline.planning.clean_up import _chained, _fall_together, clean_up, squarely_touched
 from cuspline.planning.context import MADE_AGAIN, PlanningContext
-from cuspline.planning.tool_depth import SHANK_CLEARANCE_MM, is_clear_above
+from cuspline.planning.tool_depth import SHANK_CLEARANCE_MM, is_clear_above, lacking_mm
 from cuspline.shop.practice import Practice
 from cuspline.toolpaths.drop.dropcutter import drop_tips_mm
 
@@ -60,13 +60,13 @@ def test_a_tool_keeps_clear_of_the_skin_of_a_casting_on_faces_that_its_setup_doe
     skin = settled(StockSkin(skin_mm=0.9), brep.the_solid(context.design.solid), Practice())
     work = PlanningContext(replace(context.design, stock=skin), context.setup, context.machine, context.library)
     roughed = Practice().rough_allowance_mm
-    (_, on_part), (_, beside) = work.beside_tools
-    assert [standing for _, standing in context.beside_tools] == [on_part] == [roughed] and beside == skin.thickest_mm >= 0.9
+    on_part, beside = (b.standing_mm for b in work.beside_tools)
+    assert [b.standing_mm for b in context.beside_tools] == [on_part] == [roughed] and beside == skin.thickest_mm >= 0.9
     ball = next(t for t in work.library.of_type("ball") if t.cutter.radius_mm == RADIUS_MM)
     tip = np.array([[8.0, 0.0, HIGH_MM - 0.5 - ball.non_cutting_frusta()[0, 0]]])
-    assert context.missing_mm(ball, tip) == [0.0]
-    assert work.missing_mm(ball, tip) == pytest.approx([0.5 + SHANK_CLEARANCE_MM + beside], abs=1e-9)
-    assert work.missing_mm(ball, tip, 0.2) == pytest.approx([0.5 + SHANK_CLEARANCE_MM + beside + 0.2], abs=1e-9)
+    assert lacking_mm(ball, context.beside_tools, tip) == [0.0]
+    assert lacking_mm(ball, work.beside_tools, tip) == pytest.approx([0.5 + SHANK_CLEARANCE_MM + beside], abs=1e-9)
+    assert lacking_mm(ball, work.beside_tools, tip, 0.2) == pytest.approx([0.5 + SHANK_CLEARANCE_MM + beside + 0.2], abs=1e-9)
 
 
 @pytest.mark.parametrize("out_mm, is_touched", [(0.0, True), (0.004, True), (0.012, False)])

@@ -7,7 +7,7 @@ from cuspline.planning.patterns import Pattern
 
 
 class Waterline(Pattern):
-    """Finishing passes round steep faces at constant height, from the top: ball, bull nose or flat cutter."""
+    """Finishing passes round steep faces at constant height, from the top: ball, bull nose, flat cutter, a barrel that leans."""
 
     kind = "waterline"
     picture = """
@@ -26,8 +26,8 @@ class Waterline(Pattern):
 
     @property
     def types(self):
-        """A flat cutter too, on upright walls."""
-        return ("ball",) if self.turns else ("ball", "bull_nose", "flat")
+        """A flat cutter too, on upright walls; whatever leans by lead and tilt."""
+        return super().types if self.turns else ("ball", "bull_nose", "flat")
 
     def curves(self, field, cutter, ridge_mm):
         return []

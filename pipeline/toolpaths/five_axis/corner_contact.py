@@ -113,13 +113,13 @@ class CornerContact:
             azimuths: how many round the axis.   rings: on the level bottom.
         """
         turn = np.linspace(0.0, 2 * np.pi, azimuths, endpoint=False)
-        bend = self.lean_rad * np.array(BENDS)
-        (out, up), corner = self._center_mm, self.corner_radius_mm
-        level = np.array(self.outline_mm) if self.outline_mm else np.column_stack(
-            [out * np.linspace(0.0, 1.0, rings, endpoint=False), np.zeros(rings)])
-        bend = bend[1 if out < 0.0 else 0:2 if self.outline_mm else None]
-        r = np.concatenate([out + corner * fixed.sin(bend), level[:, 0]])
-        z = np.concatenate([up - corner * fixed.cos(bend), level[:, 1]])
+        if self.outline_mm:
+            r, z = np.array(self.outline_mm).T
+        else:
+            bend, (out, up), corner = self.lean_rad * np.array(BENDS), self._center_mm, self.corner_radius_mm
+            level = out * np.linspace(0.0, 1.0, rings, endpoint=False)
+            r = np.concatenate([out + corner * fixed.sin(bend), level])
+            z = np.concatenate([up - corner * fixed.cos(bend), np.zeros(rings)])
         r, turn = (a.ravel() for a in np.meshgrid(r, turn))
         return np.column_stack([r * fixed.cos(turn), r * fixed.sin(turn), np.tile(z, azimuths)])
 
