@@ -39,6 +39,7 @@ from cuspline.values.rows import X, Y, Z
 SAME_RAD = 1e-7             # two ways to compute one angle, near a pole
 OFF_CUT = 1e-6              # of a rewind in the cut counts one beside it
 NOT_ROTARY = 1.0            # speed of a rotary that is not there
+KEPT_RAD = np.radians(3.0)  # from both ends of a range of more than a turn: past a pole a rotary swings out between two rows
 QUARTER = np.pi / 2
 ONE, TWO, SIGN = range(3)   # columns of states: angles of rotaries 1 and 2, branch
 
@@ -95,12 +96,20 @@ def shortest_way(chain, axes, start=None, pole_rad=POLE_RAD, rows=None, off_cut=
     _refuse_out_of_range(chain, angles, is_pole, names)
     begin = for_kernel(np.append(() if start is None else start, np.zeros(2))[:2])
     weight = for_kernel(np.where(off_cut, OFF_CUT, 1.0) if off_cut is not None else np.ones(len(axes)))
-    found, sign, is_rewind = _shortest(Ranges(count, wrist.zero, low, high, speed, begin), bearings,
-                                       for_kernel(is_pole, np.bool_), for_kernel(passes, np.bool_), weight)
+    ways = [_shortest(Ranges(count, wrist.zero, low + kept, high - kept, speed, begin), bearings, for_kernel(is_pole, np.bool_),
+                      for_kernel(passes, np.bool_), weight) for kept in _kept(low, high)]
+    found, sign, is_rewind = min(ways, key=lambda way: (weight[way[2]] > OFF_CUT).sum())
     found = np.where(np.abs(found - np.clip(found, low, high)) <= LIMIT_SLACK, np.clip(found, low, high), found)[:, :count]
     _refuse_pole_beyond(chain, found, is_pole, names)
     return RotaryWay(angles=found, sign=sign, is_pole=is_pole, passes_pole=passes, rewinds=np.flatnonzero(is_rewind),
                      bearings=bearings)
+
+
+def _kept(low, high):
+    """[(2,)] what is kept from the ends of the rotaries' ranges, then nothing: where they wind up, the ends are for pole and need."""
+    kept = np.where(high - low > FULL + 2 * KEPT_RAD, KEPT_RAD, 0.0)
+    kept[~np.isfinite(high - low)] = 0.0
+    return [kept, np.zeros(2)] if kept.any() else [kept]
 
 
 def _padded(of_joints, what):

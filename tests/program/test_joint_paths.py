@@ -144,3 +144,15 @@ def test_a_way_between_two_rows_that_the_rotaries_cannot_hold_is_refused_by_row(
 def test_a_path_without_a_tolerance_is_refused():
     with pytest.raises(PostError, match="both must be above 0"):
         joint_path(chain_of("mill_head_head"), np.zeros((2, 3)), leaning(0.0, [0, 0]), Tolerance(0.0, 1e-3))
+
+
+def test_a_rotary_that_swings_out_beside_a_pole_stays_within_its_range():
+    """Wound up to a degree from its end it would swing half a degree beyond its end: it rewinds beside the cut."""
+    chain = chain_of("mill_head_table_bc")
+    axes = np.vstack([leaning(8.0, np.linspace(0.0, 720.9, 200)), [[-0.0620629541, -9.17207914e-4, 0.998071815]]])
+    off_cut = np.arange(len(axes)) == len(axes) - 1
+    path = joint_path(chain, np.zeros((len(axes), 3)), axes, CLOSE, off_cut=off_cut)
+    turned = np.degrees(path.joints[:, 3:])
+    assert path.rewinds.tolist() == [len(axes) - 1] and np.abs(turned[:, 0]).max() < 540.0
+    in_cut = joint_path(chain, np.zeros((len(axes), 3)), axes, CLOSE)
+    assert len(in_cut.rewinds) == 0 and np.abs(np.degrees(in_cut.joints[:, 3])).max() > 540.0
