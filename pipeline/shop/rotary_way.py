@@ -106,7 +106,7 @@ def shortest_way(chain, axes, start=None, pole_rad=POLE_RAD, rows=None, off_cut=
 
 
 def _kept(low, high):
-    """[(2,)] what is kept from the ends of the rotaries' ranges, then nothing: where they wind up, the ends are for pole and need."""
+    """[(2,)] what is kept from the ends of the rotaries' ranges, then nothing: that saves a rewind in the cut."""
     kept = np.where(high - low > FULL + 2 * KEPT_RAD, KEPT_RAD, 0.0)
     kept[~np.isfinite(high - low)] = 0.0
     return [kept, np.zeros(2)] if kept.any() else [kept]

@@ -79,7 +79,7 @@ KINDS = {
             "do not hold the drawn size, draw the solid at their middle."),
         "surface_not_proven": (
             "a tool that leans or turns in the cut, whose moves or whose leavings nothing proves",
-            "A barrel cutter finishes with its axis turning: how deep its moves come has no proven bound.",
+            "A side-and-face cutter turns its axis in the cut: how deep its moves come has no proven bound.",
             "Finish with a ball, a bull nose or a flat cutter, or let the tool keep its direction. Before accepting it, look at "
             "the spacing of the samples in the report."),
         "idle_operation": (

@@ -25,6 +25,7 @@ from cuspline.verification.certificate_leaning import LeaningViews
 from cuspline.verification.certificate_side import SideViews
 
 PROVABLE = ("ball", "bull_nose", "flat")
+ROUNDED = ("lens", "apt")   # held whole against the exact faces, upright or not
 SIDE = "side"               # the same while its axis keeps its direction, whichever that is
 SAGITTA_SHARE = 0.1         # of the tolerance: what the chords of arcs may take of it
 MORE_MM = 1.0               # beyond the cutters' edges: a part's pieces that are looked at
@@ -131,10 +132,10 @@ def certify(posted, tools, part, *, tolerance_mm, rows=None, skin_mm=0.0, solid=
         ToolpathError: a tolerance that is too fine.
     """
     rows = np.arange(len(posted)) if rows is None else np.unique(np.asarray(rows, dtype=np.int64))
-    reasons = _reasons(posted, tools, rows, PROVABLE if solid is None else (*PROVABLE, SIDE, *POINTED))
+    reasons = _reasons(posted, tools, rows, PROVABLE if solid is None else (*PROVABLE, SIDE, *POINTED, *ROUNDED))
     known = rows[np.array([r is None for r in reasons], bool)]
     types = np.array([tools[n].cutter.type for n in posted.tool[known].tolist()], dtype=object)
-    leaning = (types != SIDE) & ~_stands_upright(posted)[known] | np.isin(types, POINTED)       # and cones, upright or not
+    leaning = (types != SIDE) & ~_stands_upright(posted)[known] | np.isin(types, (*POINTED, *ROUNDED))  # upright or not
     sagitta_mm = SAGITTA_SHARE * tolerance_mm
     bound, share, place = np.zeros(len(posted)), np.full(len(posted), 0.5), np.full((len(posted), 3), np.nan)
     views = _Views(part, solid, THICKNESS_SHARE * tolerance_mm, _under(posted, tools, known[~leaning]))
@@ -142,6 +143,8 @@ def certify(posted, tools, part, *, tolerance_mm, rows=None, skin_mm=0.0, solid=
         own, cutter = known[(posted.tool[known] == number) & ~leaning], tools[number].cutter
         for axis in np.unique(posted.start_axis[own], axis=0) if cutter.type == SIDE else (None,):
             some = own if axis is None else own[(posted.start_axis[own] == axis).all(axis=1)]
+            if not len(some):
+                continue
             row, *proven = _proven(views.depths_of(cutter, axis, skin_mm, tolerance_mm - sagitta_mm, kept.of(move_depths)),
                                    chords_of(posted, some, sagitta_mm))
             bound[row], share[row], place[row] = proven

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import steep_boss
 from known_machines import FIVE_AXIS, leaning
 from known_tools import tool
 from leaning_surface import FORMS, Surface, design
@@ -196,6 +197,19 @@ def test_the_fastest_cutter_and_lead_that_can_be_planned_are_taken_from_the_tabl
     assert mine["fits"] and made.tool.cutter.type in ("bull_nose", "flat")
     refused = {(w.split()[0], float(w.split()[3])) for w in made.facts["not_taken"]}
     assert {(f"T{r['tool']}", r["lead_deg"]) for r in faster} <= refused
+
+
+def test_a_barrel_goes_round_a_wall_in_steps_as_wide_as_its_arc_allows():
+    """On a straight wall the step is the chord of its arc that leaves the cusp; a ball's is that of its own radius."""
+    part, tools = steep_boss.design(steep_boss.Boss()), (*LIBRARY.tools, steep_boss.barrel())
+    plan = plan_setup(part, part.setups[0], mill("mill_trunnion_ac"), LIBRARY.model_copy(update={"tools": tools}))
+    facts, moves = plan.operations[-1].facts, plan.operations[-1].moves
+    chord = 2.0 * np.sqrt(2.0 * steep_boss.ARC_MM * facts["ridge_for_step_mm"])
+    wall = np.hypot(steep_boss.TALL_MM, 3.5)
+    assert wall / chord < facts["levels"] < wall / chord + 3.0
+    lean = np.degrees(np.arccos(moves.axis[moves.kind == Kind.FEED, 2]))
+    from_wall = 15.0 - np.degrees(np.arctan(3.5 / steep_boss.TALL_MM))
+    assert from_wall - 0.2 < lean.min() and lean.max() < from_wall + 0.5
 
 
 def with_axis(part, axis):

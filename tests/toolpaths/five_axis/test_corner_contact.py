@@ -72,6 +72,19 @@ def test_of_any_form_it_touches_with_the_arc_that_its_lean_presses_on_the_plane(
         arc + out / math.sin(math.radians(lead_deg)))
 
 
+def test_no_place_of_a_barrel_is_looked_for_where_the_barrel_is_not():
+    """Its arc is not round the axis: half way down its lean the circle is far beyond the tip."""
+    shape, _, _ = FORMS["barrel"]
+    cutter = Cutter(name="t", flutes=2, flute_length_mm=24.0, neck_diameter_mm=4.0, reach_mm=30.0, shank_diameter_mm=10.0,
+                    overall_length_mm=80.0, **shape)
+    c, lean = CornerContact.of(cutter, math.radians(75.0), 0.0), math.radians(75.0)
+    places = c.bottom_mm(36, 8)
+    far, _ = cutter.profile.support(np.array([np.pi - lean]))
+    normal = np.array([math.sin(lean), 0.0, math.cos(lean)])            # of a wall, the axis along Z
+    assert len(places) > 200 and (places @ normal).min() >= -far[0] - 1e-9
+    assert places[:, 2].min() >= 0.0 and np.hypot(*places[:, :2].T).max() <= 5.0 + 1e-9
+
+
 @pytest.mark.parametrize("lead, radius, step", [(5, 9.7148, 0.17632), (10, 4.8914, 0.12511), (20, 2.4987, 0.08942)])
 def test_across_the_feed_it_is_as_round_as_its_effective_radius(lead, radius, step):
     """R 0.875 in, insert 0.031 in; the steps for 0.0004 in."""
