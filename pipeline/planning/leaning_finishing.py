@@ -331,15 +331,14 @@ def _refuse_contact(work, moves, tool):
     axes = np.vstack([moves.axis[:1], moves.axis])
     way = ToolMoves(start_tips_mm=moves.starts_mm, end_tips_mm=moves.end_mm, start_axes=axes[:-1], end_axes=axes[1:])
     into, keep = margins_mm(work)
-    touches = _in_faces(work, way, tool, into)
     part = work.obstacle_tree, f"the part{' or a fixture' if work.fixtures else ''}"
     standing = work.standing, "what roughing has left standing"
     shank, holder = shank_and_holder(tool)
     for what, segments, (tree, of_what), margin in (
-            ("flutes", tool_segments(tool), part, -into), ("neck or shank", shank, part, keep[SHANK]),
-            ("holder", holder, part, keep[HOLDER]), ("neck or shank", shank, standing, CLEARANCES_MM[SHANK]),
-            ("holder", holder, standing, CLEARANCES_MM[HOLDER])):
-        if tree is None or not len(segments) or what == "flutes" and not touches.any():
+            ("neck or shank", shank, part, keep[SHANK]), ("holder", holder, part, keep[HOLDER]),
+            ("neck or shank", shank, standing, CLEARANCES_MM[SHANK]), ("holder", holder, standing, CLEARANCES_MM[HOLDER]),
+            ("flutes", tool_segments(tool), part, -into)):          # what takes longest last
+        if tree is None or not len(segments) or what == "flutes" and not _in_faces(work, way, tool, into).any():
             continue
         clear = tree.certified_clearance(segments, way, margin, tolerance_mm=ROUNDED_MM)
         bad = np.flatnonzero(~clear.is_clear)
