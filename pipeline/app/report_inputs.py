@@ -28,6 +28,7 @@ BARE_DEFLECTION_MM, THIN_EDGE_RAD = 0.05, 0.6     # normals are the surface's ow
 VIEW_EDGE_MM = 2.0          # the deviation map is drawn from vertex to vertex
 DRAWN_SAGITTA_MM = 0.02
 WORST_WITHIN_MM = 1.0
+VERTICES = 4096             # of the view, whose nearby samples are looked up at once
 
 
 def view_of(solid, shape):
@@ -103,15 +104,23 @@ def _view_deviation(judged, view, indices):
     rows = np.flatnonzero(np.isin(view.face_index, indices))
     points = np.vstack([s.residuals.samples.points_mm for s in judged.verdict.setups])
     found = np.concatenate([s.residuals.deviation_mm for s in judged.verdict.setups])
-    near = cKDTree(points).query_ball_point(view.vertices_mm[rows], WORST_WITHIN_MM)
+    tree = cKDTree(points)
+    for some in np.array_split(rows, len(rows) // VERTICES + 1):            # samples near all of them at once are gigabytes
+        deviation[some] = _worst_near(tree, found, view.vertices_mm[some])
+    return deviation
+
+
+def _worst_near(tree, values, places_mm):
+    """(n,) the value (of the points of a cKDTree) that is largest in size within WORST_WITHIN_MM of places; NaN: none is there."""
+    near = tree.query_ball_point(places_mm, WORST_WITHIN_MM)
     count = np.array([len(n) for n in near], np.int64)
-    some = count > 0
-    values = found[np.fromiter(chain.from_iterable(near), np.int64, count.sum())]
+    some, worst = count > 0, np.full(len(places_mm), np.nan)
+    values = values[np.fromiter(chain.from_iterable(near), np.int64, count.sum())]
     first = np.cumsum(count[some]) - count[some]
     if len(first):
         high, low = np.maximum.reduceat(values, first), np.minimum.reduceat(values, first)
-        deviation[rows[some]] = np.where(high >= -low, high, low)
-    return deviation
+        worst[some] = np.where(high >= -low, high, low)
+    return worst
 
 
 def _setup_bundle(work, judged, k, item, drawn, job):

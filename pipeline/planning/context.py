@@ -63,7 +63,7 @@ ROUND_PLACES, ROUND_SHARES = 16, np.array([0.25, 0.5, 0.75, 1.0])      # round a
 THIN_MM = 0.05              # of the needle that finds the part
 STEEP_DEG = 65.0            # clean-up passes of a setup with several operations: walls beyond get waterlines
 NEAR_RADII = 3.0            # of a cutter round the faces that a position cuts: what it may touch
-MADE_AGAIN = "mesh", "uncut", "tree of uncut", "geometry", "clearance", "obstacles"     # what `let_go` forgets: 200 MB and more
+MADE_AGAIN = "mesh", "uncut", "skin", "tree of skin", "geometry", "clearance", "obstacles"      # what `let_go` forgets: 200 MB
 STEEPEST_RAMP_DEG = 44.9    # a preset's may be 90: straight down
 AXIS = 1e-9                 # how exactly a tool axis must be the setup's Z
 
@@ -413,21 +413,23 @@ class PlanningContext:
 
     @property
     def beside_tools(self):
-        """[tool_depth.Beside]: the part with what roughing leaves on it; of a casting's uncut faces its skin."""
-        skin_mm = getattr(self.design.stock, "thickest_mm", None)
+        """[tool_depth.Beside]: the part with what roughing leaves on it; a casting's skin over faces that the setup leaves."""
         part = [Beside(self.mesh, lambda: self.clearance_tree, self.practice.rough_allowance_mm)]
-        if skin_mm is None or not len(self._uncut):
+        if getattr(self.design.stock, "over", None) is None or not len(self._uncut[1]):
             return part
-        mesh = self.once("uncut", lambda: DropMesh.from_triangles(self.triangles.vertices_mm, self._uncut))
-        tree = lambda: self.once("tree of uncut", lambda: ClearanceTree.of_triangles(self.triangles.vertices_mm, self._uncut))
-        return [*part, Beside(mesh, tree, skin_mm)]
+        mesh = self.once("skin", lambda: DropMesh.from_triangles(*self._uncut))
+        return [*part, Beside(mesh, lambda: self.once("tree of skin", lambda: ClearanceTree.of_triangles(*self._uncut)), 0.0)]
 
-    @cached_property
+    @property
     def _uncut(self):
-        """(t, 3) triangles of the faces that the setup does not cut."""
-        faces = self._faces_of_part
-        cut = brep.indices_of(faces, brep.named_faces(faces, self.design.predicates, self.setup.faces))
-        return self.triangles.triangles[~np.isin(self.triangles.face_of_triangle, cut)]
+        """(vertices, triangles) of a casting over the faces that the setup does not cut."""
+        def made():
+            faces, stock = self._faces_of_part, self.design.stock
+            cut = brep.indices_of(faces, brep.named_faces(faces, self.design.predicates, self.setup.faces))
+            vertices, triangles = (np.asarray(a) for a in stock.mesh)
+            return self.setup.turn.into(vertices), triangles[~np.isin(stock.over, cut)]
+
+        return self.once("uncut", made)
 
     def _is_short(self, tool):
         """Whether a holder or shank would touch the part where its cutter touches the faces of the operation."""

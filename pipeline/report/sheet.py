@@ -25,6 +25,7 @@ SAME_MM = 1e-6                                  # corners at the same distance f
 ON_AXIS_MM = 5e-5                               # nearer, the zero is on an axis as well as a control shows it
 AXIS_SHARE = 0.45                               # of the stock's diagonal, that a rotary axis is drawn to either side
 DRAWING_WIDTH, DRAWING_HEIGHT = 460.0, 330.0    # of the WCS picture, SVG units
+SHORT, RASTER = 2.0, 0.5                        # SVG units: edges shorter than that are drawn on a raster
 EYE = np.array([-0.75, -1.3, 0.95])             # the operator's side: front, a little from the left, above
 
 
@@ -236,8 +237,10 @@ def wcs_drawing(bundle, setup):
     lines = [_polyline(look(edge), "part") for edge in bundle.mesh.edges_mm]
     lines += [_polyline(look(edge), "fixture") for _, edges in setup.fixtures for edge in edges]
     away = fixed.matmul(setup.as_it_stands.turn_into(setup.stock_edges_mm.reshape(-1, 3)), EYE).reshape(-1, 2)
-    lines += [_polyline(look(edge), "hidden" if far else "stock")
-              for edge, far in zip(setup.stock_edges_mm, (away <= away.min(initial=np.inf) + SAME_MM).any(axis=1))]
+    far = (away <= away.min(initial=np.inf) + SAME_MM).any(axis=1)
+    drawn = look(setup.stock_edges_mm.reshape(-1, 3)).reshape(-1, 2, 2)
+    lines += [_polyline(edge, style) for style, edges in (("hidden", drawn[far]), ("stock", drawn[~far]))
+              for edge in _seen_once(edges)]
     lines += [] if setup.is_held_as_before else _dimensions(look, setup, low, high)       # they stand on the first sheet
     lines += [mark for axis in setup.rotaries for mark in _axis_line(look, axis, AXIS_SHARE * float(fixed.length(high - low)))]
     lines += [mark for name, place in (*setup.markers, *setup.marked_for_later)
@@ -249,6 +252,15 @@ def wcs_drawing(bundle, setup):
              "text{font:12px sans-serif;fill:#1b2330;paint-order:stroke;stroke:#fff;stroke-width:3px}")
     return (f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {DRAWING_WIDTH:g} {DRAWING_HEIGHT:g}" role="img">'
             f"<style>{style}</style>{''.join(lines)}</svg>")
+
+
+def _seen_once(edges):
+    """(k, 2, 2) of edges (n, 2, 2) in the drawing: short ones snapped to a raster, each seen once: a casting has ten thousands."""
+    is_short = np.sqrt((np.diff(edges, axis=1)[:, 0] ** 2).sum(axis=1)) < SHORT
+    snapped = np.round(edges[is_short] / RASTER) * RASTER
+    snapped = np.where((snapped[:, 0] > snapped[:, 1]).any(axis=1)[:, None, None], snapped[:, ::-1], snapped)
+    snapped = np.unique(snapped[(snapped[:, 0] != snapped[:, 1]).any(axis=1)], axis=0)
+    return np.concatenate([edges[~is_short], snapped])
 
 
 def _projector(bundle, setup):

@@ -56,17 +56,18 @@ def test_a_groove_as_round_as_the_ball_is_cut_by_a_pass_along_its_middle(context
 
 
 def test_a_tool_keeps_clear_of_the_skin_of_a_casting_on_faces_that_its_setup_does_not_cut(context):
-    """In the groove the neck, thinner than the ball, begins 0.5 mm under the top of the block: that stays as cast."""
+    """In the groove the shank begins 0.5 mm under the top of the block: that stays as cast, 0.9 mm higher, at its rim 1.0 mm."""
     skin = settled(StockSkin(skin_mm=0.9), brep.the_solid(context.design.solid), Practice())
     work = PlanningContext(replace(context.design, stock=skin), context.setup, context.machine, context.library)
     roughed = Practice().rough_allowance_mm
-    on_part, beside = (b.standing_mm for b in work.beside_tools)
-    assert [b.standing_mm for b in context.beside_tools] == [on_part] == [roughed] and beside == skin.thickest_mm >= 0.9
+    assert [b.standing_mm for b in context.beside_tools] == [roughed]
+    assert [b.standing_mm for b in work.beside_tools] == [roughed, 0.0]
     ball = next(t for t in work.library.of_type("ball") if t.cutter.radius_mm == RADIUS_MM)
-    tip = np.array([[8.0, 0.0, HIGH_MM - 0.5 - ball.non_cutting_frusta()[0, 0]]])
-    assert lacking_mm(ball, context.beside_tools, tip) == [0.0]
-    assert lacking_mm(ball, work.beside_tools, tip) == pytest.approx([0.5 + SHANK_CLEARANCE_MM + beside], abs=1e-9)
-    assert lacking_mm(ball, work.beside_tools, tip, 0.2) == pytest.approx([0.5 + SHANK_CLEARANCE_MM + beside + 0.2], abs=1e-9)
+    tip = np.array([[8.0, 0.0, HIGH_MM - 0.5 - ball.non_cutting_frusta()[1, 0]]])
+    assert lacking_mm(ball, context.beside_tools, tip) == pytest.approx([0.5 + SHANK_CLEARANCE_MM + roughed], abs=1e-9)
+    rim_mm = skin.mesh[0][:, 2].max() - HIGH_MM
+    assert 0.9 < rim_mm < 1.1
+    assert lacking_mm(ball, work.beside_tools, tip) == pytest.approx([0.5 + SHANK_CLEARANCE_MM + rim_mm], abs=1e-9)
 
 
 @pytest.mark.parametrize("out_mm, is_touched", [(0.0, True), (0.004, True), (0.012, False)])
