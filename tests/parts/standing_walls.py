@@ -92,8 +92,9 @@ def design(p: Standing, axis=None, **finishing) -> Design:
 def _faces(p):
     """(FacePredicate, ...) of what is finished."""
     if p.form == "blade":
-        return (FacePredicate(name="cut", count=2, normal=(1, 0, 0), normal_within_deg=20),
-                FacePredicate(name="back", count=2, normal=(-1, 0, 0), normal_within_deg=20))
+        side = lambda name, x: FacePredicate(name=name, count=1, normal=(x, 0, 0), normal_within_deg=20,
+                                             center_min_mm=(-99, -99, FLOOR_MM))
+        return side("cut", 1), side("back", -1)
     x, y = (half - 1.0 for half in HALF_MM[p.form])
     foot = FLOOR_MM + p.foot_mm
     floor = FacePredicate(name="cut", count=1, normal=(0, 0, 1), normal_within_deg=5, center_max_mm=(99, 99, FLOOR_MM + 1))
