@@ -426,8 +426,8 @@ class PlanningContext:
         def made():
             faces, stock = self._faces_of_part, self.design.stock
             cut = brep.indices_of(faces, brep.named_faces(faces, self.design.predicates, self.setup.faces))
-            vertices, triangles = (np.asarray(a) for a in stock.mesh)
-            return self.setup.turn.into(vertices), triangles[~np.isin(stock.over, cut)]
+            vertices, triangles, over = stock.over
+            return self.setup.turn.into(vertices), triangles[~np.isin(over, cut)]
 
         return self.once("uncut", made)
 

@@ -65,7 +65,7 @@ def test_a_tool_keeps_clear_of_the_skin_of_a_casting_on_faces_that_its_setup_doe
     ball = next(t for t in work.library.of_type("ball") if t.cutter.radius_mm == RADIUS_MM)
     tip = np.array([[8.0, 0.0, HIGH_MM - 0.5 - ball.non_cutting_frusta()[1, 0]]])
     assert lacking_mm(ball, context.beside_tools, tip) == pytest.approx([0.5 + SHANK_CLEARANCE_MM + roughed], abs=1e-9)
-    rim_mm = skin.mesh[0][:, 2].max() - HIGH_MM
+    rim_mm = skin.over[0][:, 2].max() - HIGH_MM
     assert 0.9 < rim_mm < 1.1
     assert lacking_mm(ball, work.beside_tools, tip) == pytest.approx([0.5 + SHANK_CLEARANCE_MM + rim_mm], abs=1e-9)
 
