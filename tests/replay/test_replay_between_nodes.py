@@ -10,10 +10,11 @@ from pydantic import ValidationError
 
 from cuspline.app.catalogue import find_machine
 from cuspline.design import DEFAULT_MACHINE
-from cuspline.program.program import Plane
+from cuspline.program.program import Kind, Plane
 from cuspline.replay.clearance import ClearanceTree
 from cuspline.replay.replay import replay
-from cuspline.replay.replay_doubts import stands_below
+from cuspline.replay.replay_doubts import cleared, stands_below
+from cuspline.replay.replay_kernel import HOLDER
 from cuspline.replay.replay_stock import CELL_MM, DEEP_MM, DEPTH_MM, SHARE
 from cuspline.replay.scene import HOLDER_CLEARANCE_MM, FinishedDesign, Fixture, FoundStock, Surroundings, ZMap
 from cuspline.shop.cutters import Holder, HolderSegment
@@ -341,3 +342,18 @@ def test_clearance_over_a_floor_is_the_gap_to_the_floor():
     result = run(moves, {1: TOOLS[1], 2: slim()}, numbers=[1] * (len(moves) - 3) + [2] * 3)
     assert kinds(result) == ["shank_contact"] and abs(result.findings[0].amount_mm - 0.5) < 1e-9
     assert abs(result.holder_clearance_mm - 1.5) < 1e-9
+
+
+def test_a_slim_extension_beside_a_wall_is_looked_at_as_the_cone_that_it_is():
+    """14 mm at its nose, 22.4 mm 80 mm higher: of a wall 9 mm off it is clear if that ends 5 mm above the nose, not 40."""
+    posted = SimpleNamespace(kind=np.array([Kind.FEED]), start_mm=np.zeros((1, 3)), end_mm=np.array([[4.0, 0.0, 0.0]]))
+    nose = 40.0
+    script = None, np.array([0]), np.array([0]), None, None, [[nose, 7.0, nose + 80.0, 11.2, 0.0]], [(0, HOLDER)]
+
+    def is_clear(top_mm):
+        wall = lambda xy, within: np.where(np.abs(xy[:, 1]) + within > 9.0, top_mm, -np.inf)
+        stock = SimpleNamespace(min_mm=np.array([-20.0, -20.0, 0.0]), max_mm=np.array([20.0, 20.0, top_mm]),
+                                within_before=lambda row: wall)
+        return cleared([0], posted, script, (0.0, 0.0, 1.0), stock) == [0]
+
+    assert is_clear(nose + 5.0) and not is_clear(nose + 40.0)
