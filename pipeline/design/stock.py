@@ -220,9 +220,6 @@ class StockMesh(Mesh):
 
     thickest_mm: float | None = Field(default=None, exclude=True, repr=False,
                                       description="in code: no place of it is farther from the part; None: nobody knows")
-    over: Any = Field(default=None, exclude=True, repr=False,
-                      description="in code: its vertices (v, 3), triangles (t, 3), and (t,) the face of the part that each lies "
-                      "over; None: nobody knows")
 
 
 class StockAllowance(Standing):
@@ -272,7 +269,7 @@ def _skinned(stock, part):
     mesh = tessellate(part, min(SKIN_SHARE * stock.skin_mm, SKIN_MM))
     outside = [skin_round(mesh.vertices_mm, mesh.triangles, share * (stock.skin_mm + mesh.deviation_mm)) for share in (1.0, OVER)]
     off = outside[0] - mesh.vertices_mm                 # facet by facet: what lies between corners is no farther
-    made = StockMesh(mesh=(outside[0], mesh.triangles), over=(outside[0], mesh.triangles, mesh.face),
+    made = StockMesh(mesh=(outside[0], mesh.triangles),
                      thickest_mm=float(np.sqrt((off ** 2).sum(axis=1)).max()) + mesh.deviation_mm)
     corners = mesh.vertices_mm[mesh.triangles]
     met = made.shape.holds(outside[1][mesh.triangles].mean(axis=1))

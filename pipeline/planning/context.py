@@ -18,12 +18,11 @@ from cuspline.planning.finishing_chain import FinishingWork
 from cuspline.planning.plating import in_metal, library_within_skin
 from cuspline.planning.standing_stock import standing_tree
 from cuspline.planning.tool_depth import (
-    Beside,
     ShortToolDropper,
+    clear_tips_mm,
     is_clear_above,
-    lacking_mm,
-    lowest_tips_mm,
-    most_lacking_mm,
+    missing_stick_out_mm,
+    missing_stick_outs_mm,
 )
 from cuspline.program.program import UPRIGHT, Kind, Moves
 from cuspline.replay.clearance import ClearanceTree
@@ -63,7 +62,7 @@ ROUND_PLACES, ROUND_SHARES = 16, np.array([0.25, 0.5, 0.75, 1.0])      # round a
 THIN_MM = 0.05              # of the needle that finds the part
 STEEP_DEG = 65.0            # clean-up passes of a setup with several operations: walls beyond get waterlines
 NEAR_RADII = 3.0            # of a cutter round the faces that a position cuts: what it may touch
-MADE_AGAIN = "mesh", "uncut", "skin", "tree of skin", "geometry", "clearance", "obstacles"      # what `let_go` forgets: 200 MB
+MADE_AGAIN = "mesh", "geometry", "clearance", "obstacles"                # what `let_go` forgets: 200 MB of a propeller
 STEEPEST_RAMP_DEG = 44.9    # a preset's may be 90: straight down
 AXIS = 1e-9                 # how exactly a tool axis must be the setup's Z
 
@@ -408,38 +407,18 @@ class PlanningContext:
         dropper = self.dropper_of(tool.cutter, allowance_mm)
         if not self._is_short(tool):
             return dropper
-
-        return ShortToolDropper(dropper, lambda xy_mm, tips_mm: lowest_tips_mm(tool, self.beside_tools, xy_mm, tips_mm))
-
-    @property
-    def beside_tools(self):
-        """[tool_depth.Beside]: the part with what roughing leaves on it; a casting's skin over faces that the setup leaves."""
-        part = [Beside(self.mesh, lambda: self.clearance_tree, self.practice.rough_allowance_mm)]
-        if getattr(self.design.stock, "over", None) is None or not len(self._uncut[1]):
-            return part
-        mesh = self.once("skin", lambda: DropMesh.from_triangles(*self._uncut))
-        return [*part, Beside(mesh, lambda: self.once("tree of skin", lambda: ClearanceTree.of_triangles(*self._uncut)), 0.0)]
-
-    @property
-    def _uncut(self):
-        """(vertices, triangles) of a casting over the faces that the setup does not cut."""
-        def made():
-            faces, stock = self._faces_of_part, self.design.stock
-            cut = brep.indices_of(faces, brep.named_faces(faces, self.design.predicates, self.setup.faces))
-            vertices, triangles, over = stock.over
-            return self.setup.turn.into(vertices), triangles[~np.isin(over, cut)]
-
-        return self.once("uncut", made)
+        standing = self.practice.rough_allowance_mm
+        return ShortToolDropper(dropper, lambda xy_mm, tips_mm: clear_tips_mm(tool, self.mesh, xy_mm, standing, tips_mm))
 
     def _is_short(self, tool):
         """Whether a holder or shank would touch the part where its cutter touches the faces of the operation."""
-        lowest = float(self.samples.point_mm[:, 2].min()) - tool.cutter.corner_radius_mm
-        if self._is_clear_above_all(tool, lowest, max(b.standing_mm for b in self.beside_tools)):
+        standing, lowest = self.practice.rough_allowance_mm, float(self.samples.point_mm[:, 2].min())
+        if self._is_clear_above_all(tool, lowest - tool.cutter.corner_radius_mm, standing):
             return False
 
         def is_in_the_way():
             reach = cutter_reach(self.samples, self.mesh, tool.cutter)
-            return most_lacking_mm(tool, self.beside_tools, reach.tip_mm[reach.is_reached]) > 0
+            return missing_stick_out_mm(tool, reach.tip_mm[reach.is_reached], self.mesh, standing) > 0
 
         return self.once(("short", tool.number, tuple(self.wanted)), is_in_the_way)
 
@@ -595,15 +574,15 @@ class PlanningContext:
         Where the axis turns out of the way nothing is lacking; what is left as steep to other positions, what the holder keeps
         this tool from is left to them too.
         """
-        corner = self.corner_of(tool.cutter)
+        corner, standing = self.corner_of(tool.cutter), self.practice.rough_allowance_mm
         reach = (cutter_reach(self.samples, self.mesh, tool.cutter) if corner is None else
                  ball_reach(self.samples, self.mesh, corner.ball_radius_mm))
         if isinstance(self.operation.tool_axis, ClearingAxis):
             return reach.is_reached, 0.0
         if getattr(self.operation, "steepest_deg", 90.0) == 90.0:
-            return reach.is_reached, most_lacking_mm(tool, self.beside_tools, reach.tip_mm[reach.is_reached])
+            return reach.is_reached, missing_stick_out_mm(tool, reach.tip_mm[reach.is_reached], self.mesh, standing)
         own = reach.is_reached & ~left_as_steep(self.operation, self.samples)
-        missing = lacking_mm(tool, self.beside_tools, reach.tip_mm[own])
+        missing = missing_stick_outs_mm(tool, reach.tip_mm[own], self.mesh, standing)
         clear = own.copy()
         clear[own] = missing <= 0.0
         return clear, 0.0 if clear.any() else float(missing.max(initial=0.0))

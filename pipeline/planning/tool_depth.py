@@ -7,75 +7,19 @@
         (__)
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from cuspline.shop.cutters import cylinders_of
 from cuspline.toolpaths.contact.contacts import NO_FACE
 from cuspline.toolpaths.drop.dropcutter import drop_tips_mm, is_held_above
 from cuspline.toolpaths.drop.droppers import Dropper
-from cuspline.toolpaths.five_axis.clear_axes import AxisSearch
 
 HOLDER_CLEARANCE_MM = 1.0
 SHANK_CLEARANCE_MM = 0.05
 CLEARANCES_MM = np.array([SHANK_CLEARANCE_MM, HOLDER_CLEARANCE_MM])     # of neck and shank, and of the holder and all above it
 ROUNDING_MM = 1e-9          # heights that differ by less are the same
 SOME = 16                   # every so many-th place is looked at first: the rest seldom shows more
-SPARE_MM = 0.05             # that a whole tool keeps more of, where cylinders round it do not: for what lies between two places
-UP = np.array([0.0, 0.0, 1.0])
-
-
-@dataclass(frozen=True, eq=False)
-class Beside:
-    """Triangles that neck, shank and holder keep clear of."""
-
-    mesh: object                # DropMesh
-    tree: Callable              # () -> ClearanceTree of the same
-    standing_mm: float          # the most that stands on them
-
-
-def lowest_tips_mm(tool, beside, xy_mm, tips_mm):
-    """(n,) lowest tips over places (n, 2), those given or above, at which neck, shank and holder keep clear.
-
-    Cylinders that hold them are looked at first, the whole tool where one of these is in the way.
-
-    Args:
-        tool: Tool.   beside: [Beside].
-    """
-    lowest = np.array(tips_mm, float)
-    for b in beside:
-        lowest = clear_tips_mm(tool, b.mesh, xy_mm, b.standing_mm, lowest)
-    held = np.flatnonzero((lowest > tips_mm) & np.isfinite(tips_mm))
-    lower = held[keeps_clear(tool, beside, np.column_stack([xy_mm[held], tips_mm[held]]))]
-    lowest[lower] = tips_mm[lower]
-    return lowest
-
-
-def lacking_mm(tool, beside, tips_mm, more_mm=0.0):
-    """(n,) stick-out that a tool lacks at tips (n, 3), in the same way.   more_mm: that stands on all of it besides."""
-    missing = np.zeros(len(tips_mm))
-    for b in beside:
-        missing = np.maximum(missing, missing_stick_outs_mm(tool, tips_mm, b.mesh, b.standing_mm + more_mm))
-    held = np.flatnonzero(missing > 0.0)
-    missing[held[keeps_clear(tool, beside, tips_mm[held], more_mm)]] = 0.0
-    return missing
-
-
-def most_lacking_mm(tool, beside, tips_mm):
-    """The most of these."""
-    lacks = any(missing_stick_out_mm(tool, tips_mm, b.mesh, b.standing_mm) > 0.0 for b in beside)
-    return float(lacking_mm(tool, beside, tips_mm).max(initial=0.0)) if lacks else 0.0
-
-
-def keeps_clear(tool, beside, tips_mm, more_mm=0.0):
-    """(n,) bool: the whole tool, upright with its tip at (n, 3), surely keeps clear of [Beside], and has something to spare."""
-    clear, up = np.ones(len(tips_mm), bool), np.broadcast_to(UP, (len(tips_mm), 3))
-    for b in beside if len(tips_mm) else ():
-        search = AxisSearch.of_rest(b.tree(), tool, CLEARANCES_MM + (b.standing_mm + more_mm + SPARE_MM))
-        clear[clear] = search.is_clear(tips_mm[clear], up[clear])
-    return clear
 
 
 def clear_tips_mm(tool, mesh, xy_mm, stock_mm, least_mm=-np.inf):
@@ -132,11 +76,10 @@ def too_short(tool, missing_mm):
 
 def _wide_frusta(tool, stock_mm):
     """(z0, radius, clearance) of neck, shank and holder where they are wider than the cutter that goes before them."""
-    for row in tool.non_cutting_frusta():
-        clearance = stock_mm + (HOLDER_CLEARANCE_MM if row[0] >= tool.stick_out_mm - 1e-9 else SHANK_CLEARANCE_MM)
-        for z0, radius in cylinders_of(*row.tolist()):
-            if radius + clearance > tool.cutter.radius_mm:
-                yield z0, radius, clearance
+    for z0, r0, _, r1 in tool.non_cutting_frusta():
+        clearance = stock_mm + (HOLDER_CLEARANCE_MM if z0 >= tool.stick_out_mm - 1e-9 else SHANK_CLEARANCE_MM)
+        if max(r0, r1) + clearance > tool.cutter.radius_mm:
+            yield z0, max(r0, r1), clearance
 
 
 class ShortToolDropper(Dropper):

@@ -1,6 +1,5 @@
 """Clean-up where no other pass comes by: a hollow as round as the ball, which stands in it at one place only."""
 
-from dataclasses import replace
 from types import SimpleNamespace
 
 import cadquery as cq
@@ -8,13 +7,10 @@ import numpy as np
 import pytest
 
 from cuspline.app import catalogue
-from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox, StockSkin
-from cuspline.design.stock import settled
-from cuspline.kernel import brep
+from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
 from cuspline.planning.clean_up import _chained, _fall_together, clean_up, squarely_touched
 from cuspline.planning.context import MADE_AGAIN, PlanningContext
-from cuspline.planning.tool_depth import SHANK_CLEARANCE_MM, is_clear_above, lacking_mm
-from cuspline.shop.practice import Practice
+from cuspline.planning.tool_depth import is_clear_above
 from cuspline.toolpaths.drop.dropcutter import drop_tips_mm
 
 RADIUS_MM = 4.0
@@ -53,21 +49,6 @@ def test_a_groove_as_round_as_the_ball_is_cut_by_a_pass_along_its_middle(context
     left = left_mm(added.moves, places)
     assert left.max() < 0.3 * ASKED.scallop_mm and left.min() > -ASKED.gouge_mm
     assert len(added.moves) < 200
-
-
-def test_a_tool_keeps_clear_of_the_skin_of_a_casting_on_faces_that_its_setup_does_not_cut(context):
-    """In the groove the shank begins 0.5 mm under the top of the block: that stays as cast, 0.9 mm higher, at its rim 1.0 mm."""
-    skin = settled(StockSkin(skin_mm=0.9), brep.the_solid(context.design.solid), Practice())
-    work = PlanningContext(replace(context.design, stock=skin), context.setup, context.machine, context.library)
-    roughed = Practice().rough_allowance_mm
-    assert [b.standing_mm for b in context.beside_tools] == [roughed]
-    assert [b.standing_mm for b in work.beside_tools] == [roughed, 0.0]
-    ball = next(t for t in work.library.of_type("ball") if t.cutter.radius_mm == RADIUS_MM)
-    tip = np.array([[8.0, 0.0, HIGH_MM - 0.5 - ball.non_cutting_frusta()[1, 0]]])
-    assert lacking_mm(ball, context.beside_tools, tip) == pytest.approx([0.5 + SHANK_CLEARANCE_MM + roughed], abs=1e-9)
-    rim_mm = skin.over[0][:, 2].max() - HIGH_MM
-    assert 0.9 < rim_mm < 1.1
-    assert lacking_mm(ball, work.beside_tools, tip) == pytest.approx([0.5 + SHANK_CLEARANCE_MM + rim_mm], abs=1e-9)
 
 
 @pytest.mark.parametrize("out_mm, is_touched", [(0.0, True), (0.004, True), (0.012, False)])

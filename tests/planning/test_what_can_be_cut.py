@@ -12,7 +12,6 @@ from known_tools import tool
 import cuspline.posts
 from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox, StockSolid
 from cuspline.design.operations import Clearing
-from cuspline.designs.propellers.cutting import extended
 from cuspline.planning.clean_up import _touched, why_out_of_reach
 from cuspline.planning.context import PlanningContext
 from cuspline.planning.cutter_choice import choose_roughing, leftover_rows
@@ -23,13 +22,10 @@ from cuspline.planning.strategies.floor import Floor
 from cuspline.planning.strategies.parallel import Parallel
 from cuspline.planning.strategies.rest import Rest
 from cuspline.planning.strategies.rough import Rough
-from cuspline.planning.tool_depth import Beside, clear_tips_mm, lacking_mm, lowest_tips_mm
+from cuspline.planning.tool_depth import clear_tips_mm
 from cuspline.program.program import Kind
-from cuspline.replay.clearance import ClearanceTree
 from cuspline.shop.cutters import ToolLibrary, library_from_json
 from cuspline.shop.machines import machine_from_toml
-from cuspline.stock.shapes import BoxShape
-from cuspline.toolpaths.drop.dropcutter import DropMesh
 from cuspline.values.errors import PlanError
 
 POSTS = Path(cuspline.posts.__file__).parent
@@ -76,18 +72,6 @@ def test_no_holder_of_theirs_touches_the_part(plan_beside_a_column):
     for o in plan_beside_a_column.operations:
         ends = o.moves.end_mm[o.moves.kind != Kind.RAPID]
         assert (ends[:, 2] >= clear_tips_mm(o.tool, work.mesh, ends[:, :2], 0.0) - 1e-9).all()
-
-
-@pytest.mark.parametrize("aside_mm, lowest", [(9.55, True), (9.3, False)])
-def test_beside_a_wall_a_slim_extension_counts_as_the_cone_that_it_is(aside_mm, lowest):
-    """At the wall's top, 20 mm above its nose, it is 8.05 mm round: 9.35 with what stands and its margin, 9.7 as a cylinder."""
-    vertices, triangles = BoxShape(min_mm=(-50, 0, 0), max_mm=(50, 20, 60)).mesh
-    wall = Beside(DropMesh.from_triangles(vertices, triangles), lambda: ClearanceTree.of_triangles(vertices, triangles), 0.3)
-    ball = extended(next(t for t in SHOP.of_type("ball") if t.cutter.diameter_mm == 6.0), 80.0)
-    place, tip = np.array([[0.0, -aside_mm]]), np.zeros(1)
-    assert ball.stick_out_mm == 40.0 and clear_tips_mm(ball, wall.mesh, place, 0.3)[0] > 0.0
-    assert (lowest_tips_mm(ball, [wall], place, tip) == 0.0).all() == lowest
-    assert (lacking_mm(ball, [wall], np.column_stack([place, tip])) == 0.0).all() == lowest
 
 
 def test_what_is_left_beside_the_column_says_the_stick_out_that_would_do(plan_beside_a_column):

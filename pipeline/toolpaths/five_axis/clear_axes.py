@@ -56,11 +56,6 @@ class AxisSearch:
         return cls(tree=tree, segments=np.vstack([_grown(flutes, -into_mm), _rest(tool, keep_mm)]), radius_mm=radius,
                    limit_rad=limit_rad)
 
-    @classmethod
-    def of_rest(cls, tree, tool, keep_mm):
-        """What is above a tool's flutes alone, by its tip.   keep_mm: see `of_tool`."""
-        return cls(tree=tree, segments=_rest(tool, keep_mm), radius_mm=0.0)
-
     def with_beside(self, beside, tool, keep_mm):
         """The same beside a ClearanceTree that flutes may go through and all the rest must keep off; None: beside nothing."""
         return self if beside is None else replace(self, beside=beside, beside_segments=_rest(tool, keep_mm))
