@@ -69,7 +69,8 @@ def clean_up(work, operations, places_mm, left_mm, number):
                      "stepover_mm": round(flat_step_mm(tool, ridge_mm), 6), "places": int(is_cut.sum()),
                      "segment_tolerance_mm": path_tolerance_mm(work.finish), "candidates": [],
                      **({} if how.tool_axis is None else {"tool_axis": how.operation.tool_axis.model_dump(mode="json")})}
-            added.append(how.measured(f"clean-up {number}", tool, rpm, moves, facts))
+            name = f"clean-up {number}" if how.tool_axis is None else f"clean-up {number} leaning"
+            added.append(how.measured(name, tool, rpm, moves, facts))
         if not open_.any():
             break
     return added, ~open_

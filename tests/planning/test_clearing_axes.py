@@ -85,6 +85,7 @@ def test_clean_up_passes_lean_where_the_operation_that_finished_the_face_does_an
     work, floor = plan.context, np.array([[x, y, FLOOR_MM] for x in (-10.8, -10.0, 8.0, 9.0) for y in (-1.0, 0.0, 1.0)])
     (upright, leaning), touched = clean_up(work, plan.operations, floor, 0.1, 1)
     assert touched.all() and (upright.moves.axis == (0, 0, 1)).all()
+    assert (upright.name, leaning.name) == ("clean-up 1", "clean-up 1 leaning")
     most = plan.operations[-1].facts["clearing"]["largest_deg"]
     assert 5.0 < np.degrees(tilt_rad(leaning.moves.axis)).max() < most + 0.5
     for made, of in ((upright, floor[6:]), (leaning, floor[:6])):
