@@ -67,9 +67,10 @@ def clean_up(work, operations, places_mm, left_mm, number):
             rpm, _ = how.speeds(tool, is_rough=False)
             facts = {"allowance_mm": 0.0, "scallop_mm": work.finish.scallop_mm, "ridge_for_step_mm": round(ridge_mm, 6),
                      "stepover_mm": round(flat_step_mm(tool, ridge_mm), 6), "places": int(is_cut.sum()),
-                     "segment_tolerance_mm": path_tolerance_mm(work.finish), "candidates": [],
-                     **({} if how.tool_axis is None else {"tool_axis": how.operation.tool_axis.model_dump(mode="json")})}
-            name = f"clean-up {number}" if how.tool_axis is None else f"clean-up {number} leaning"
+                     "segment_tolerance_mm": path_tolerance_mm(work.finish), "candidates": []}
+            name = f"clean-up {number}"
+            if how.tool_axis is not None:
+                name, facts["tool_axis"] = f"{name} leaning", how.operation.tool_axis.model_dump(mode="json")
             added.append(how.measured(name, tool, rpm, moves, facts))
         if not open_.any():
             break
@@ -77,11 +78,14 @@ def clean_up(work, operations, places_mm, left_mm, number):
 
 
 def _ways(work, operations):
-    """[(Tool, PlanningContext)]: balls that may clean up and how they are held, in the order in which they are tried."""
+    """(Tool, PlanningContext) one after the other as they are tried: balls that may clean up, upright, then along tool axes."""
+    balls = _balls(work, operations)
     upright = work if work.tool_axis is None else work.of(work.operation.model_copy(update={"tool_axis": None}), operations)
-    leaning = [work.of(o, operations) for o in work.setup.operations
-               if isinstance(o.tool_axis, ToolAxis) and not isinstance(o.tool_axis, FastestAxis)]
-    return [(tool, how) for how in (upright, *leaning) for tool in _balls(work, operations)]
+    yield from ((tool, upright) for tool in balls)
+    for operation in work.setup.operations:
+        if isinstance(operation.tool_axis, ToolAxis) and not isinstance(operation.tool_axis, FastestAxis):
+            leaning = work.of(operation, operations)
+            yield from ((tool, leaning) for tool in balls)
 
 
 def _balls(work, operations):
@@ -171,8 +175,7 @@ def _moves(work, tool, places_mm, normals, ridge_mm, left_mm):
     step, tolerance = flat_step_mm(tool, ridge_mm), middle_tolerance_mm(work, tool)
     rules = PathRules(tolerance_mm=tolerance, lateral_mm=LATERAL_SHARE * step, bridge_mm=0.0)
     _, feed = work.speeds(tool, is_rough=False)
-    dropper = work.dropper_with(tool, 0.0) if work.tool_axis is None else work.dropper_of(tool.cutter, 0.0)
-    beyond, moves = BEYOND_STEPS * wide, []
+    dropper, beyond, moves = work.dropper_with(tool, 0.0), BEYOND_STEPS * wide, []
     for group in clusters_of(places_mm, GROUP_STEPS * wide):
         tips = places_mm[group] + radius * normals[group]
         low, high = tips.min(axis=0) - beyond, tips.max(axis=0) + beyond

@@ -403,9 +403,9 @@ class PlanningContext:
         return self.dropper(cutter.radius_mm, corner_mm, allowance_mm)
 
     def dropper_with(self, tool, allowance_mm):
-        """The same of a whole tool: where holder or shank would touch the part, it stays up."""
+        """The same of a whole tool: where holder or shank would touch the part it stays up, or its axis turns out of the way."""
         dropper = self.dropper_of(tool.cutter, allowance_mm)
-        if not self._is_short(tool):
+        if self.tool_axis is not None or not self._is_short(tool):
             return dropper
         standing = self.practice.rough_allowance_mm
         return ShortToolDropper(dropper, lambda xy_mm, tips_mm: clear_tips_mm(tool, self.mesh, xy_mm, standing, tips_mm))

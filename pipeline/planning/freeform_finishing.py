@@ -328,8 +328,7 @@ def _field(work, tool, allowance_mm, pitch_mm, may_be_empty=False, box=None):
                           ROLL_OVER_SHARE * ball, may_be_empty)
         return replace(found, across=Across(radius_mm=corner.across_mm, widest_mm=WIDEST_RADII * corner.radius_mm))
     run_over = run_over_mm(NODES_A_STEP * pitch_mm, tool.cutter.radius_mm)
-    dropper = work.dropper_with(tool, allowance_mm) if work.tool_axis is None else work.dropper_of(tool.cutter, allowance_mm)
-    return tip_field(dropper, work.wanted, (low, high), pitch_mm, run_over, may_be_empty)
+    return tip_field(work.dropper_with(tool, allowance_mm), work.wanted, (low, high), pitch_mm, run_over, may_be_empty)
 
 
 def run_over_mm(step_mm, radius_mm):
@@ -461,8 +460,8 @@ def _wall_heights(samples, steep, field, ridge_mm):
     radius, offset = field.dropper.corner_radius_mm, field.dropper.corner_radius_mm + field.dropper.allowance_mm
     normal, bend = samples.normal[steep, 2], samples.across_per_mm[steep]
     tips = samples.point_mm[steep, 2] + offset * normal - radius
-    chord = stepover_for_scallop_mm(radius, ridge_mm, bend) if field.across is None else np.minimum(
-        stepover_for_scallop_mm(field.across.radius_mm, ridge_mm, bend), field.across.widest_mm)
+    cuts_mm, widest_mm = (radius, np.inf) if field.across is None else (field.across.radius_mm, field.across.widest_mm)
+    chord = np.minimum(stepover_for_scallop_mm(cuts_mm, ridge_mm, bend), widest_mm)
     allowed = chord * np.sqrt(1.0 - normal ** 2) * np.minimum(1.0 + radius * bend, 1.0)
     step_at = smallest_step(tips, allowed, margin_mm=float(allowed.min()), elsewhere_mm=float(allowed.max()))
     return planes_across(float(tips.min()), float(tips.max()), step_at)

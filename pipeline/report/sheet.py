@@ -240,7 +240,7 @@ def wcs_drawing(bundle, setup):
     far = (away <= away.min(initial=np.inf) + SAME_MM).any(axis=1)
     drawn = look(setup.stock_edges_mm.reshape(-1, 3)).reshape(-1, 2, 2)
     lines += [_polyline(edge, style) for style, edges in (("hidden", drawn[far]), ("stock", drawn[~far]))
-              for edge in _seen_once(edges)]
+              for edge in seen_once(edges)]
     lines += [] if setup.is_held_as_before else _dimensions(look, setup, low, high)       # they stand on the first sheet
     lines += [mark for axis in setup.rotaries for mark in _axis_line(look, axis, AXIS_SHARE * float(fixed.length(high - low)))]
     lines += [mark for name, place in (*setup.markers, *setup.marked_for_later)
@@ -254,8 +254,14 @@ def wcs_drawing(bundle, setup):
             f"<style>{style}</style>{''.join(lines)}</svg>")
 
 
-def _seen_once(edges):
-    """(k, 2, 2) of edges (n, 2, 2) in the drawing: short ones snapped to a raster, each seen once: a casting has ten thousands."""
+def seen_once(edges):
+    """Edges of a drawing, those that would lie on each other once: a casting's mesh has ten thousands.
+
+    Args:
+        edges: (n, 2, 2) ends in the drawing, SVG units.
+    Returns:
+        (k, 2, 2): long ones as they are, then short ones, their ends on the raster.
+    """
     is_short = np.sqrt((np.diff(edges, axis=1)[:, 0] ** 2).sum(axis=1)) < SHORT
     snapped = np.round(edges[is_short] / RASTER) * RASTER
     snapped = np.where((snapped[:, 0] > snapped[:, 1]).any(axis=1)[:, None, None], snapped[:, ::-1], snapped)

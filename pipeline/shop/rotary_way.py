@@ -41,6 +41,7 @@ OFF_CUT = 1e-6              # of a rewind in the cut counts one beside it
 NOT_ROTARY = 1.0            # speed of a rotary that is not there
 KEPT_RAD = np.radians(3.0)  # from both ends of a range of more than a turn: past a pole a rotary swings out between two rows
 QUARTER = np.pi / 2
+REWINDS = 2                 # of what `_shortest` returns
 ONE, TWO, SIGN = range(3)   # columns of states: angles of rotaries 1 and 2, branch
 
 
@@ -96,9 +97,14 @@ def shortest_way(chain, axes, start=None, pole_rad=POLE_RAD, rows=None, off_cut=
     _refuse_out_of_range(chain, angles, is_pole, names)
     begin = for_kernel(np.append(() if start is None else start, np.zeros(2))[:2])
     weight = for_kernel(np.where(off_cut, OFF_CUT, 1.0) if off_cut is not None else np.ones(len(axes)))
-    ways = [_shortest(Ranges(count, wrist.zero, low + kept, high - kept, speed, begin), bearings, for_kernel(is_pole, np.bool_),
-                      for_kernel(passes, np.bool_), weight) for kept in _kept(low, high)]
-    found, sign, is_rewind = min(ways, key=lambda way: (weight[way[2]] > OFF_CUT).sum())
+    within = lambda kept: _shortest(Ranges(count, wrist.zero, low + kept, high - kept, speed, begin), bearings,
+                                    for_kernel(is_pole, np.bool_), for_kernel(passes, np.bool_), weight)
+    in_cut = lambda way: int((weight[way[REWINDS]] > OFF_CUT).sum())
+    kept = _kept(low, high)
+    way = within(kept)
+    if kept.any() and in_cut(way):          # the ends of the ranges too, where that saves one
+        way = min(way, within(np.zeros(2)), key=in_cut)
+    found, sign, is_rewind = way
     found = np.where(np.abs(found - np.clip(found, low, high)) <= LIMIT_SLACK, np.clip(found, low, high), found)[:, :count]
     _refuse_pole_beyond(chain, found, is_pole, names)
     return RotaryWay(angles=found, sign=sign, is_pole=is_pole, passes_pole=passes, rewinds=np.flatnonzero(is_rewind),
@@ -106,10 +112,9 @@ def shortest_way(chain, axes, start=None, pole_rad=POLE_RAD, rows=None, off_cut=
 
 
 def _kept(low, high):
-    """[(2,)] what is kept from the ends of the rotaries' ranges, then nothing: that saves a rewind in the cut."""
-    kept = np.where(high - low > FULL + 2 * KEPT_RAD, KEPT_RAD, 0.0)
-    kept[~np.isfinite(high - low)] = 0.0
-    return [kept, np.zeros(2)] if kept.any() else [kept]
+    """(2,) rad that is kept from both ends of the rotaries' ranges, of those that wind up."""
+    span = high - low
+    return np.where(np.isfinite(span) & (span > FULL + 2 * KEPT_RAD), KEPT_RAD, 0.0)
 
 
 def _padded(of_joints, what):

@@ -73,11 +73,10 @@ def design(p: Standing, axis=None, **finishing) -> Design:
     standard = {"around": UPRIGHT} if p.around == "up" else {}
     axis = None if p.upright else axis or ClearingAxis(**standard)
     of = {"tool": LONG if p.upright else p.ball, "tool_axis": axis, **finishing}
-    faces = _faces(p)
-    finish = Waterline(name="finish", **of) if p.form == "blade" else Parallel(name="finish", **of)
+    faces, walls, finish = _faces(p), (), (Waterline if p.form == "blade" else Parallel)(name="finish", **of)
     if p.is_whole:
-        finish = finish.model_copy(update={"faces": ("cut", "fillets")})
-    walls = (Waterline(name="walls", faces=("walls", "fillets"), **of),) if p.is_whole else ()
+        walls = (Waterline(name="walls", faces=("walls", "fillets"), **of),)
+        finish = Parallel(name="finish", faces=("cut", "fillets"), **of)
     return Design(
         name="standing_walls", description="what a short tool must lean past", parameters=p,
         tools=(long_ball(),) if p.upright else (),

@@ -124,6 +124,19 @@ def test_the_drawing_shows_stock_part_and_zero(sample_bundle):
     assert min(places) >= 0 and max(places) <= sheet.DRAWING_WIDTH
 
 
+def test_ten_thousands_of_short_edges_are_drawn_once_and_still_hang_together():
+    """A fine ellipse, every side there and back, and one long edge: on the raster no more than some 1100, and none farther off."""
+    turn = np.linspace(0.0, 2 * np.pi, 20_001)
+    round_it = 100 + np.column_stack([80 * np.cos(turn), 60 * np.sin(turn)])
+    sides, long = np.stack([round_it[:-1], round_it[1:]], axis=1), np.array([[[0.0, 0.0], [50.0, 1.0]]])
+    drawn = sheet.seen_once(np.concatenate([sides, sides[:, ::-1], long]))
+    assert np.array_equal(drawn[0], long[0]) and 500 < len(drawn) < 1200
+    ends = drawn[1:].reshape(-1, 2)
+    off = np.array([np.sqrt(((round_it - end) ** 2).sum(axis=1)).min() for end in ends])
+    assert off.max() <= sheet.RASTER / np.sqrt(2) + 1e-9
+    assert np.unique(ends, axis=0, return_counts=True)[1].min() >= 2           # no end hangs loose
+
+
 def test_the_drawing_shows_the_part_as_it_stands_with_what_holds_it_and_its_markers(sample_bundle):
     """Turned over: what is up in the part is down; a post below it and markers, of this clamping or of a later one, are in it."""
     plain = sample_bundle.setups[0]

@@ -14,6 +14,8 @@ from cuspline.kernel import brep
 from cuspline.posts.readers.rs274_reader import read_program
 from cuspline.program.posted import PostedMoves
 from cuspline.program.program import Plane
+from cuspline.shop.cutters import Cutter
+from cuspline.surfaces.trims import CHORD_MM
 from cuspline.toolpaths.drop.exact_drop import ExactPart, drop_tips_mm
 from cuspline.values.errors import SimulationError
 from cuspline.values.frames import Frame
@@ -165,6 +167,22 @@ def test_what_cannot_be_proven_is_listed(hilly_part):
         assert word in reason
     some = certify(posted, BALL, hilly_part, tolerance_mm=TOLERANCE_MM, rows=[5, 1])
     assert some.row.tolist() == [1, 5] and some.proven_mm == 0.0
+
+
+@pytest.mark.parametrize("shape, depth_mm", [
+    (dict(type="lens", corner_radius_mm=1, tip_radius_mm=40.0), 0.05),
+    (dict(type="apt", corner_radius_mm=30.0, tip_angle_deg=20.0, taper_deg=0.0, corner_center_radius_mm=-25.0,
+          corner_center_height_mm=16.0), 0.05 * np.cos(np.radians(20.0)))], ids=["lens", "barrel"])
+def test_an_upright_lens_and_barrel_are_proven_as_deep_as_their_tip_is_in_a_level_face(shape, depth_mm):
+    """Of a barrel the nearest of its surface is its bottom, a cone of 20 degrees.  Clear of the face: what borders are known to."""
+    block = cq.Workplane().box(40, 40, 10, centered=(True, True, False)).translate((0, 0, -10)).val()
+    cutter = Cutter(name="t", flutes=2, flute_length_mm=24.0, neck_diameter_mm=4.0, reach_mm=30.0, shank_diameter_mm=10.0,
+                    overall_length_mm=80.0, diameter_mm=10, **shape)
+    tools = {1: tool("ball", 10.0).model_copy(update={"cutter": cutter})}
+    posted = program((0, 0, 20), [feed(-5, 0, 0.5), feed(5, 0, 0.5), feed(5, 0, -0.05), feed(-5, 0, -0.05)])
+    certificate = certify(posted, tools, None, solid=brep.the_solid(block), tolerance_mm=TOLERANCE_MM)
+    assert certificate.is_complete and (certificate.bound_mm[:2] <= CHORD_MM).all()
+    assert (depth_mm - 1e-9 <= certificate.bound_mm[2:]).all() and (certificate.bound_mm[2:] <= depth_mm + TOLERANCE_MM).all()
 
 
 def test_the_part_turned_into_the_wcs_is_proven_alike(hills, hilly_part):
