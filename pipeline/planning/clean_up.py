@@ -23,7 +23,7 @@ from cuspline.planning.freeform_finishing import (
     wall_paths_at,
 )
 from cuspline.planning.leaning_finishing import leaned, middle_tolerance_mm
-from cuspline.planning.tool_depth import missing_stick_outs_mm, too_short
+from cuspline.planning.tool_depth import too_short
 from cuspline.program.program import Moves
 from cuspline.toolpaths.five_axis.tool_axes import FastestAxis, ToolAxis
 from cuspline.toolpaths.freeform.parallel_passes import parallel_curves
@@ -144,7 +144,7 @@ def _tips_mm(tool, foot):
 
 def _missing_mm(work, tool, foot, left_mm):
     """(n,) stick-out that a ball lacks at places."""
-    return missing_stick_outs_mm(tool, _tips_mm(tool, foot), work.mesh, work.practice.rough_allowance_mm + left_mm)
+    return work.missing_mm(tool, _tips_mm(tool, foot), left_mm)
 
 
 def _fits(work, tool, foot):

@@ -62,7 +62,7 @@ ROUND_PLACES, ROUND_SHARES = 16, np.array([0.25, 0.5, 0.75, 1.0])      # round a
 THIN_MM = 0.05              # of the needle that finds the part
 STEEP_DEG = 65.0            # clean-up passes of a setup with several operations: walls beyond get waterlines
 NEAR_RADII = 3.0            # of a cutter round the faces that a position cuts: what it may touch
-MADE_AGAIN = "mesh", "geometry", "clearance", "obstacles"                # what `let_go` forgets: 200 MB of a propeller
+MADE_AGAIN = "mesh", "uncut", "geometry", "clearance", "obstacles"       # what `let_go` forgets: 200 MB of a propeller
 STEEPEST_RAMP_DEG = 44.9    # a preset's may be 90: straight down
 AXIS = 1e-9                 # how exactly a tool axis must be the setup's Z
 
@@ -407,18 +407,55 @@ class PlanningContext:
         dropper = self.dropper_of(tool.cutter, allowance_mm)
         if self.tool_axis is not None or not self._is_short(tool):
             return dropper
-        standing = self.practice.rough_allowance_mm
-        return ShortToolDropper(dropper, lambda xy_mm, tips_mm: clear_tips_mm(tool, self.mesh, xy_mm, standing, tips_mm))
+
+        def lowest_mm(xy_mm, tips_mm):
+            for mesh, standing_mm in self.beside_tools:
+                tips_mm = clear_tips_mm(tool, mesh, xy_mm, standing_mm, tips_mm)
+            return tips_mm
+
+        return ShortToolDropper(dropper, lowest_mm)
+
+    @property
+    def beside_tools(self):
+        """[(DropMesh, mm)]: what necks, shanks and holders must clear, and the most that stands on it.
+
+        On the part what roughing leaves; on faces of a casting that the setup does not cut its skin.
+        """
+        skin_mm = getattr(self.design.stock, "thickest_mm", None)
+        part = [(self.mesh, self.practice.rough_allowance_mm)]
+        return part if skin_mm is None or self._uncut is None else [*part, (self._uncut, skin_mm)]
+
+    @property
+    def _uncut(self):
+        """DropMesh of the faces that the setup does not cut; None: it cuts all."""
+        def made():
+            faces = self._faces_of_part
+            cut = brep.indices_of(faces, brep.named_faces(faces, self.design.predicates, self.setup.faces))
+            rows = ~np.isin(self.triangles.face_of_triangle, cut)
+            return DropMesh.from_triangles(self.triangles.vertices_mm, self.triangles.triangles[rows]) if rows.any() else None
+
+        return self.once("uncut", made)
+
+    def missing_mm(self, tool, tips_mm, more_mm=0.0):
+        """(n,) stick-out that a tool lacks at tips (n, 3), see tool_depth; `more_mm`: that stands on all of it besides."""
+        missing = np.zeros(len(tips_mm))
+        for mesh, standing_mm in self.beside_tools:
+            missing = np.maximum(missing, missing_stick_outs_mm(tool, tips_mm, mesh, standing_mm + more_mm))
+        return missing
+
+    def most_missing_mm(self, tool, tips_mm):
+        """The most of these."""
+        return max(missing_stick_out_mm(tool, tips_mm, mesh, standing_mm) for mesh, standing_mm in self.beside_tools)
 
     def _is_short(self, tool):
         """Whether a holder or shank would touch the part where its cutter touches the faces of the operation."""
-        standing, lowest = self.practice.rough_allowance_mm, float(self.samples.point_mm[:, 2].min())
-        if self._is_clear_above_all(tool, lowest - tool.cutter.corner_radius_mm, standing):
+        lowest = float(self.samples.point_mm[:, 2].min()) - tool.cutter.corner_radius_mm
+        if self._is_clear_above_all(tool, lowest, max(standing_mm for _, standing_mm in self.beside_tools)):
             return False
 
         def is_in_the_way():
             reach = cutter_reach(self.samples, self.mesh, tool.cutter)
-            return missing_stick_out_mm(tool, reach.tip_mm[reach.is_reached], self.mesh, standing) > 0
+            return self.most_missing_mm(tool, reach.tip_mm[reach.is_reached]) > 0
 
         return self.once(("short", tool.number, tuple(self.wanted)), is_in_the_way)
 
@@ -574,15 +611,15 @@ class PlanningContext:
         Where the axis turns out of the way nothing is lacking; what is left as steep to other positions, what the holder keeps
         this tool from is left to them too.
         """
-        corner, standing = self.corner_of(tool.cutter), self.practice.rough_allowance_mm
+        corner = self.corner_of(tool.cutter)
         reach = (cutter_reach(self.samples, self.mesh, tool.cutter) if corner is None else
                  ball_reach(self.samples, self.mesh, corner.ball_radius_mm))
         if isinstance(self.operation.tool_axis, ClearingAxis):
             return reach.is_reached, 0.0
         if getattr(self.operation, "steepest_deg", 90.0) == 90.0:
-            return reach.is_reached, missing_stick_out_mm(tool, reach.tip_mm[reach.is_reached], self.mesh, standing)
+            return reach.is_reached, self.most_missing_mm(tool, reach.tip_mm[reach.is_reached])
         own = reach.is_reached & ~left_as_steep(self.operation, self.samples)
-        missing = missing_stick_outs_mm(tool, reach.tip_mm[own], self.mesh, standing)
+        missing = self.missing_mm(tool, reach.tip_mm[own])
         clear = own.copy()
         clear[own] = missing <= 0.0
         return clear, 0.0 if clear.any() else float(missing.max(initial=0.0))

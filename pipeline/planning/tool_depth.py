@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from cuspline.shop.cutters import cylinders_of
 from cuspline.toolpaths.contact.contacts import NO_FACE
 from cuspline.toolpaths.drop.dropcutter import drop_tips_mm, is_held_above
 from cuspline.toolpaths.drop.droppers import Dropper
@@ -76,10 +77,11 @@ def too_short(tool, missing_mm):
 
 def _wide_frusta(tool, stock_mm):
     """(z0, radius, clearance) of neck, shank and holder where they are wider than the cutter that goes before them."""
-    for z0, r0, _, r1 in tool.non_cutting_frusta():
-        clearance = stock_mm + (HOLDER_CLEARANCE_MM if z0 >= tool.stick_out_mm - 1e-9 else SHANK_CLEARANCE_MM)
-        if max(r0, r1) + clearance > tool.cutter.radius_mm:
-            yield z0, max(r0, r1), clearance
+    for frustum in tool.non_cutting_frusta():
+        clearance = stock_mm + (HOLDER_CLEARANCE_MM if frustum[0] >= tool.stick_out_mm - 1e-9 else SHANK_CLEARANCE_MM)
+        for z0, radius in cylinders_of(*frustum):
+            if radius + clearance > tool.cutter.radius_mm:
+                yield z0, radius, clearance
 
 
 class ShortToolDropper(Dropper):

@@ -1,5 +1,6 @@
 """Clean-up where no other pass comes by: a hollow as round as the ball, which stands in it at one place only."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import cadquery as cq
@@ -7,10 +8,13 @@ import numpy as np
 import pytest
 
 from cuspline.app import catalogue
-from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
+from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox, StockSkin
+from cuspline.design.stock import settled
+from cuspline.kernel import brep
 from cuspline.planning.clean_up import _chained, _fall_together, clean_up, squarely_touched
 from cuspline.planning.context import MADE_AGAIN, PlanningContext
-from cuspline.planning.tool_depth import is_clear_above
+from cuspline.planning.tool_depth import SHANK_CLEARANCE_MM, is_clear_above
+from cuspline.shop.practice import Practice
 from cuspline.toolpaths.drop.dropcutter import drop_tips_mm
 
 RADIUS_MM = 4.0
@@ -49,6 +53,20 @@ def test_a_groove_as_round_as_the_ball_is_cut_by_a_pass_along_its_middle(context
     left = left_mm(added.moves, places)
     assert left.max() < 0.3 * ASKED.scallop_mm and left.min() > -ASKED.gouge_mm
     assert len(added.moves) < 200
+
+
+def test_a_tool_keeps_clear_of_the_skin_of_a_casting_on_faces_that_its_setup_does_not_cut(context):
+    """In the groove the neck, thinner than the ball, begins 0.5 mm under the top of the block: that stays as cast."""
+    skin = settled(StockSkin(skin_mm=0.9), brep.the_solid(context.design.solid), Practice())
+    work = PlanningContext(replace(context.design, stock=skin), context.setup, context.machine, context.library)
+    roughed = Practice().rough_allowance_mm
+    (_, on_part), (_, beside) = work.beside_tools
+    assert [standing for _, standing in context.beside_tools] == [on_part] == [roughed] and beside == skin.thickest_mm >= 0.9
+    ball = next(t for t in work.library.of_type("ball") if t.cutter.radius_mm == RADIUS_MM)
+    tip = np.array([[8.0, 0.0, HIGH_MM - 0.5 - ball.non_cutting_frusta()[0, 0]]])
+    assert context.missing_mm(ball, tip) == [0.0]
+    assert work.missing_mm(ball, tip) == pytest.approx([0.5 + SHANK_CLEARANCE_MM + beside], abs=1e-9)
+    assert work.missing_mm(ball, tip, 0.2) == pytest.approx([0.5 + SHANK_CLEARANCE_MM + beside + 0.2], abs=1e-9)
 
 
 @pytest.mark.parametrize("out_mm, is_touched", [(0.0, True), (0.004, True), (0.012, False)])
