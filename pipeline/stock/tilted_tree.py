@@ -203,6 +203,7 @@ def _enclose(node, axis, geometry, first, last):
     """Fills boxes and largest angle over sub-steps first..last."""
     for box in range(LOW_0, WIDEST, 6):
         node[box:box + 3], node[box + 3:box + 6] = math.inf, -math.inf
+    widest = 0.0                                     # chord from the middle axis, squared
     for t in range(first, last):
         g = geometry[t]
         bend = 0.125 * g[TURN] * g[TURN]             # how far a unit axis leaves the chord of its ends
@@ -211,8 +212,7 @@ def _enclose(node, axis, geometry, first, last):
             for k in range(3):
                 off = g[AXIS + k] + end * g[AXIS_WAY + k] - axis[k]
                 chord += off * off
-            angle = 2.0 * fixed.arcsin(min(1.0, 0.5 * math.sqrt(chord)))
-            node[WIDEST] = max(node[WIDEST], angle if angle < 0.5 * math.pi else math.pi)
+            widest = max(widest, chord)
             for c in range(3):
                 tip = turn = 0.0
                 for k in range(3):
@@ -222,6 +222,8 @@ def _enclose(node, axis, geometry, first, last):
                     box, z = LOW_0 + 6 * i + c, node[HEIGHT_0 + i]
                     node[box] = min(node[box], tip + z * turn - abs(z) * bend)
                     node[box + 3] = max(node[box + 3], tip + z * turn + abs(z) * bend)
+    angle = 2.0 * fixed.arcsin(min(1.0, 0.5 * math.sqrt(widest)))
+    node[WIDEST] = angle if angle < 0.5 * math.pi else math.pi
 
 
 @njit(error_model="numpy")

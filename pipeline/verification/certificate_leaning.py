@@ -28,6 +28,7 @@ from cuspline.verification.certificate_side import SideViews
 
 LONGEST_RADII = 2.0         # of a sub-step
 MESH_SHARE = 0.25           # of the tolerance: the triangles' deviation
+COARSER = 10.0              # times as much: triangles from which most flanks keep clear
 PIECE_SHARE = 100.0         # of the tolerance: how thick pieces of faces may be, they are halved where a cutter touches
 CLOSE_SHARE = 0.1           # of the tolerance: how closely flanks are looked at
 CONE_SHARE = 0.75           # of the tolerance: how deep a cone may seem to touch what it has made, the triangles' chords counted
@@ -54,12 +55,19 @@ class LeaningViews:
         return FaceBoxes.of_solid(self.solid, PIECE_SHARE * self.tolerance_mm)
 
     @cached_property
+    def _coarse_mesh(self):
+        """(ClearanceTree, deviation) of the part in triangles that are soon made."""
+        return _tree_of(self._coarse)
+
+    @cached_property
     def _mesh(self):
         """(ClearanceTree, deviation) of the part."""
-        off = MESH_SHARE * self.tolerance_mm
-        expected = len(tessellate(self.solid, 10 * off).triangles) * 10.0
-        mesh = tessellate(self.solid, off * max(1.0, expected / MOST_TRIANGLES))
-        return ClearanceTree.of_triangles(mesh.vertices_mm, mesh.triangles), mesh.deviation_mm
+        expected = len(self._coarse.triangles) * COARSER
+        return _tree_of(tessellate(self.solid, MESH_SHARE * self.tolerance_mm * max(1.0, expected / MOST_TRIANGLES)))
+
+    @cached_property
+    def _coarse(self):
+        return tessellate(self.solid, COARSER * MESH_SHARE * self.tolerance_mm)
 
     def depths(self, posted, rows, tool, skin_mm, ask):
         """Depths of moves, each by its deepest sub-step.
@@ -132,9 +140,11 @@ class LeaningViews:
         depth, place = np.zeros(n), np.full((n, 3), np.nan)
         if not len(segments):
             return depth, place
-        tree, off = self._mesh
-        left, allowed, most = np.arange(n), 0.0, float(segments.max())
+        tree, off = self._coarse_mesh
+        left = np.flatnonzero(~tree.certified_clearance(segments, moves, off - skin_mm, tolerance_mm=off).is_clear)
+        allowed, most = 0.0, float(segments.max())
         while len(left) and allowed < most:
+            tree, off = self._mesh
             found = tree.certified_clearance(segments, moves.only(left), off - skin_mm - allowed, tolerance_mm=max(
                 CLOSE_SHARE * self.tolerance_mm, CLOSE_SHARE * allowed))
             clear = found.is_clear
@@ -142,6 +152,11 @@ class LeaningViews:
             place[left] = found.place_mm
             left, allowed = left[~clear], DEEPER * allowed if allowed else self.tolerance_mm / 2
         return depth, place
+
+
+def _tree_of(mesh):
+    """(ClearanceTree, deviation) of a mesh."""
+    return ClearanceTree.of_triangles(mesh.vertices_mm, mesh.triangles), mesh.deviation_mm
 
 
 def _plunges(moves):
