@@ -14,6 +14,7 @@ A sub-step is row k of the array g of all, see tilted_pieces.py: a row taken out
 import math
 
 from cuspline.stock.outlines import (
+    CENTER_Z,
     DIRECTION_R,
     DIRECTION_Z,
     FROM_R,
@@ -103,9 +104,23 @@ def _wait(waiting, i, l, r, fl, fr, sl, sr):
     waiting[i, F_RIGHT], waiting[i, SLOPE_LEFT], waiting[i, SLOPE_RIGHT] = fr, sl, sr
 
 
+@njit(error_model="numpy", inline="always")
+def _ball_on_line(px, py, pz, g, k, up, radius):
+    """The same of a whole ball, an outline of one arc whose middle is `up` over the tip, on a sub-step that does not turn."""
+    x, y, z = _off_tip(px, py, pz, g, k, 0.0)
+    x, y, z = x - up * g[k, AXIS + X], y - up * g[k, AXIS + Y], z - up * g[k, AXIS + Z]
+    wx, wy, wz = g[k, WAY + X], g[k, WAY + Y], g[k, WAY + Z]
+    square = wx * wx + wy * wy + wz * wz
+    t = min(max((x * wx + y * wy + z * wz) / square, 0.0), 1.0) if square > 0.0 else 0.5
+    x, y, z = x - t * wx, y - t * wy, z - t * wz
+    return math.sqrt(x * x + y * y + z * z) - radius, t
+
+
 @njit(error_model="numpy")
 def substep_distance(px, py, pz, g, k, outline, first, last, best, waiting):
     """Least of `pose_distance` over a sub-step, and where it is; if it is not below `best`, anything from `best` on."""
+    if last - first == 1 and g[k, TURN] == 0.0:
+        return _ball_on_line(px, py, pz, g, k, outline[first, CENTER_Z], outline[first, RADIUS])
     fm, sm = pose_distance(px, py, pz, g, k, 0.5, outline, first, last)
     x, y, z = _off_tip(px, py, pz, g, k, 0.5)
     w = g[k, TURN]

@@ -21,6 +21,7 @@ from cuspline.stock.swept import (
 )
 from cuspline.stock.tilted import posed_path
 from cuspline.stock.tilted_kernels import FRAME_U, IS_FILLED, pose_distance
+from cuspline.stock.tilted_pieces import AXIS, TIP, WAY
 from cuspline.values.compiled import njit
 from cuspline.values.errors import SimulationError
 
@@ -129,6 +130,17 @@ def test_distance_to_the_body_is_the_largest_distance_to_a_touching_plane(name):
     d = signed_distance_mm((path,), np.column_stack([r, 0 * r, z]))
     assert np.abs(d - brute_body(profile, r, z)).max() < 1e-7
     assert ((d < 0).sum() > 60) and ((d > 0).sum() > 60)
+
+
+def test_the_ball_of_a_turning_cutter_sweeps_capsules_less_what_turning_adds():
+    posted, rng = random_program(7, turn=0.2)
+    ball = posed_path(posted, np.arange(len(posted)), ALL["ball"]).of_its_ball()
+    points, g = rng.uniform((-4, -4, -4), (16, 14, 12), (200, 3)), ball.geometry
+    way = points[:, None] - g[:, TIP:WAY]
+    share = np.clip((way * g[:, WAY:AXIS]).sum(axis=2) / np.maximum((g[:, WAY:AXIS] ** 2).sum(axis=1), 1e-300), 0.0, 1.0)
+    to_line = np.linalg.norm(way - share[..., None] * g[:, WAY:AXIS], axis=2).min(axis=1)
+    assert np.abs(signed_distance_mm((ball,), points) - (to_line - 3.0 - ball.grown_mm)).max() < 1e-9
+    assert -0.06 < ball.grown_mm < 0.0
 
 
 @pytest.mark.parametrize("seed", [*CORPUS, 101])
