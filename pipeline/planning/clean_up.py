@@ -82,10 +82,14 @@ def _ways(work, operations):
     balls = _balls(work, operations)
     upright = work if work.tool_axis is None else work.of(work.operation.model_copy(update={"tool_axis": None}), operations)
     yield from ((tool, upright) for tool in balls)
-    for operation in work.setup.operations:
-        if isinstance(operation.tool_axis, ToolAxis) and not isinstance(operation.tool_axis, FastestAxis):
-            leaning = work.of(operation, operations)
-            yield from ((tool, leaning) for tool in balls)
+    for operation in _leaning(work):
+        leaning = work.of(operation, operations)
+        yield from ((tool, leaning) for tool in balls)
+
+
+def _leaning(work):
+    """Operations of the setup along whose tool axes a ball may clean up."""
+    return [o for o in work.setup.operations if isinstance(o.tool_axis, ToolAxis) and not isinstance(o.tool_axis, FastestAxis)]
 
 
 def _balls(work, operations):
@@ -129,13 +133,16 @@ def why_out_of_reach(work, operations, places_mm, left_mm):
         fits = _fits(work, tool, foot)
         if fits.any():
             short.append((float(_missing_mm(work, tool, foot, left_mm)[fits].max()), -int(fits.sum()), tool))
+    leaning = ", ".join(dict.fromkeys(o.title for o in _leaning(work)))
+    also = f"; along the tool axis of {leaning} none comes there either" if leaning else ""
     if not short:
-        return "no ball of the library touches these places: other faces keep it off"
+        return f"no ball of the library touches these places: other faces keep it off{also}"
     missing, _, tool = min(short, key=lambda row: (row[1], row[0]))
     if missing <= 0.0:
-        return f"no pass of T{tool.number} {tool.cutter.name} comes about there"
-    return (f"T{tool.number} {tool.cutter.name} is {too_short(tool, missing)}: a stick-out of {tool.stick_out_mm + missing:.1f} mm "
-            "would do, or flutes so much longer where its neck is in the way: set it in the file of --cutters")
+        return f"no pass of T{tool.number} {tool.cutter.name} comes about there{also}"
+    return (f"T{tool.number} {tool.cutter.name} {'upright ' if leaning else ''}is {too_short(tool, missing)}: a stick-out of "
+            f"{tool.stick_out_mm + missing:.1f} mm would do, or flutes so much longer where its neck is in the way: set it in the "
+            f"file of --cutters{also}")
 
 
 def _tips_mm(tool, foot):

@@ -13,7 +13,7 @@ from cuspline.design import StockSkin
 from cuspline.design.fixtures import FixtureBox
 from cuspline.design.stock import settled
 from cuspline.kernel import brep
-from cuspline.planning.clean_up import clean_up
+from cuspline.planning.clean_up import clean_up, why_out_of_reach
 from cuspline.planning.clearing_axes import RotaryUse
 from cuspline.planning.context import PlanningContext
 from cuspline.planning.leaning_finishing import normal_error
@@ -100,6 +100,10 @@ def test_clean_up_passes_lean_where_the_operation_that_finished_the_face_does_an
     held = PlanningContext(work.design, work.setup.model_copy(update={"operations": (standing,)}), work.machine, LIBRARY)
     (alone,), touched = clean_up(held, plan.operations, floor, 0.1, 1)
     assert touched.tolist() == [False] * 6 + [True] * 6 and (alone.moves.axis == (0, 0, 1)).all()
+    why, where_it_leans = (why_out_of_reach(c, plan.operations, floor[:6], 0.1) for c in (held, work))
+    assert " is " in why and "upright" not in why
+    also = f"; along the tool axis of {plan.operations[-1].name} none comes there either"
+    assert where_it_leans == why.replace(" is ", " upright is ", 1) + also
 
 
 def test_far_from_the_wall_the_axis_stands():
