@@ -2,6 +2,7 @@
 
     python bench/leaning.py FOLDER [dome saddle blade]     whole verdicts on every preset with rotary axes, a table for RESULTS.md;
                                                            builds into FOLDER, what stands there is not built again
+    python bench/leaning.py FOLDER many                    a dome of 96 x 72 mm in fine passes: what planning and judging cost
 """
 
 import json
@@ -28,6 +29,7 @@ FIRST, *OTHERS = ("mill_head_table_bc", "mill_head_head", "mill_table_table", "m
 HIGHER_MM = 60.0            # than the preset's zero: heads that lean come down low
 EVERY_MM = 1.2              # between places looked at
 FORMS = ("dome", "saddle", "blade")
+MANY = "wide=3", "scallop_mm=0.012", "tolerance_mm=0.003"
 # where the job is held, mm beside the preset's zero: as it is, heads that lean come down too low, tables are in the way
 HELD_MM = {**dict.fromkeys(("mill_head_head", "mill_gantry_5axis", "mill_head_table_bc", "mill_head_table"), (0, 0, 60)),
            "mill_table_table": (0, 110, 70), "mill_a_on_b": (0, 0, 80)}
@@ -43,12 +45,8 @@ def _built():
     """The dome through `cuspline build`, as a user would."""
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "out"
-        begin = os.times()
-        subprocess.run([Path(sys.executable).with_name("cuspline"), "build", PARTS / "leaning_surface.py", "--out", out],
-                       check=True, capture_output=True)
-        end = os.times()
+        seconds = _cpu_s("build", PARTS / "leaning_surface.py", "--out", out)
         found = json.loads((out / "verify.json").read_text())
-    seconds = end.children_user + end.children_system - begin.children_user - begin.children_system
     proven = found["setups"][0]["certificate"]["moves"]
     return [("dome, 32 x 24 mm, on a trunnion: the whole build", seconds, "CPU s"), ("findings", len(found["findings"]), ""),
             ("moves proven", sum(proven.values()), ""),
@@ -135,6 +133,31 @@ def _as_row(form, name, row):
             f"{row['gouge_proven_mm']:.4f} | {row['excess_max_mm']:.4f}, {row['excess_proven_mm']:.4f} | {row['moves']:,} |")
 
 
+# many contacts ---------------------------------------------------------------------------------------
+
+
+def many(folder):
+    """Print contacts, posted moves and CPU seconds of a large dome; built into FOLDER unless it stands there."""
+    out = folder / "many"
+    if not out.exists():
+        _cpu_s("build", PARTS / "leaning_surface.py", *(w for p in MANY for w in ("-p", p)), "--stage", "verify", "--out", out)
+    setup, = json.loads((out / "verify.json").read_text())["setups"]
+    finish = json.loads((out / "plan.json").read_text())["setups"][0]["operations"][-1]
+    print(f"{finish['moves']:,} moves of the finish planned; {sum(setup['certificate']['moves'].values()):,} posted in all,",
+          f"judged by `cuspline verify` in {_cpu_s('verify', out):.1f} CPU s")
+
+
+def _cpu_s(*words):
+    """CPU seconds of a cuspline command."""
+    begin = os.times()
+    subprocess.run([Path(sys.executable).with_name("cuspline"), *words], check=True, capture_output=True)
+    end = os.times()
+    return end.children_user + end.children_system - begin.children_user - begin.children_system
+
+
 if __name__ == "__main__":
     Path(sys.argv[1]).mkdir(parents=True, exist_ok=True)
+    if sys.argv[2:] == ["many"]:
+        many(Path(sys.argv[1]).resolve())
+        sys.exit()
     verdicts(Path(sys.argv[1]).resolve(), sys.argv[2:] or FORMS)

@@ -421,9 +421,13 @@ class PlanningContext:
 
         On the part what roughing leaves; on faces of a casting that the setup does not cut its skin.
         """
-        skin_mm = getattr(self.design.stock, "thickest_mm", None)
         part = [(self.mesh, self.practice.rough_allowance_mm)]
-        return part if skin_mm is None or self._uncut is None else [*part, (self._uncut, skin_mm)]
+        return part if self._skin_mm is None or self._uncut is None else [*part, (self._uncut, self._skin_mm)]
+
+    @property
+    def _skin_mm(self):
+        """The most that stands on a casting's faces; None: the stock is none."""
+        return getattr(self.design.stock, "thickest_mm", None)
 
     @property
     def _uncut(self):
@@ -438,19 +442,19 @@ class PlanningContext:
 
     def missing_mm(self, tool, tips_mm, more_mm=0.0):
         """(n,) stick-out that a tool lacks at tips (n, 3), see tool_depth; `more_mm`: that stands on all of it besides."""
-        missing = np.zeros(len(tips_mm))
+        missing = 0.0
         for mesh, standing_mm in self.beside_tools:
-            missing = np.maximum(missing, missing_stick_outs_mm(tool, tips_mm, mesh, standing_mm + more_mm))
+            missing = missing_stick_outs_mm(tool, tips_mm, mesh, standing_mm + more_mm, missing)
         return missing
 
     def most_missing_mm(self, tool, tips_mm):
-        """The most of these."""
+        """The most of these, mm."""
         return max(missing_stick_out_mm(tool, tips_mm, mesh, standing_mm) for mesh, standing_mm in self.beside_tools)
 
     def _is_short(self, tool):
         """Whether a holder or shank would touch the part where its cutter touches the faces of the operation."""
         lowest = float(self.samples.point_mm[:, 2].min()) - tool.cutter.corner_radius_mm
-        if self._is_clear_above_all(tool, lowest, max(standing_mm for _, standing_mm in self.beside_tools)):
+        if self._is_clear_above_all(tool, lowest, max(self._skin_mm or 0.0, self.practice.rough_allowance_mm)):
             return False
 
         def is_in_the_way():
@@ -568,8 +572,7 @@ class PlanningContext:
         stock, part = (stock or self.stock_mm)(xy), drop_tips_mm(self.mesh, xy, THIN_MM, THIN_MM)
         there = np.isfinite(part) & np.isfinite(stock)
         highest = float((stock[there] - part[there]).max(initial=0.0))
-        thickest = getattr(self.design.stock, "thickest_mm", None)
-        return max(highest if thickest is None else min(highest, thickest), self.practice.rough_allowance_mm)
+        return max(highest if self._skin_mm is None else min(highest, self._skin_mm), self.practice.rough_allowance_mm)
 
     def standing_round_mm(self, places_mm, reach_mm):
         """The most that stands over the part, straight up, so far round places (n, 2): (n,) mm."""

@@ -59,7 +59,7 @@ def missing_stick_out_mm(tool, tips_mm, mesh, stock_mm):
 
 
 def missing_stick_outs_mm(tool, tips_mm, mesh, stock_mm, least_mm=0.0):
-    """(n,) how much deeper holder and shank would have to clear at each tip position; `least_mm` where that is no more."""
+    """(n,) how much deeper holder and shank would have to clear at each tip position; `least_mm`, one or (n,), where no more."""
     worst = np.full(len(tips_mm), least_mm)
     for z0, r, clearance in _wide_frusta(tool, stock_mm):
         radius, bottom = r + clearance, tips_mm[:, 2] + z0

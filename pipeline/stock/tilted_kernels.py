@@ -106,7 +106,7 @@ def _wait(waiting, i, l, r, fl, fr, sl, sr):
 
 @njit(error_model="numpy", inline="always")
 def _ball_on_line(px, py, pz, g, k, up, radius):
-    """The same of a whole ball, an outline of one arc whose middle is `up` over the tip, on a sub-step that does not turn."""
+    """`substep_distance` of a whole ball, an outline of one arc its middle `up` over the tip, on a sub-step that does not turn."""
     x, y, z = _off_tip(px, py, pz, g, k, 0.0)
     x, y, z = x - up * g[k, AXIS + X], y - up * g[k, AXIS + Y], z - up * g[k, AXIS + Z]
     wx, wy, wz = g[k, WAY + X], g[k, WAY + Y], g[k, WAY + Z]

@@ -9,8 +9,8 @@ r"""Depths of a leaning, turning cutter's moves for the certificate, sub-step by
        (|_|)
        (___)         A cutter of any other outline is held against the exact faces whole (toolpaths/gouge/leaning_depths.py).
 
-Flanks of balls, and cones, are held against triangles of the faces.  How far the faces lie off those is measured, not proven, and
-counts in full.
+Flanks of balls, and cones, are held against triangles of the faces, flanks first against coarse ones.  How far the faces lie
+off those is measured, not proven, and counts in full.
 """
 
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ from cuspline.verification.certificate_side import SideViews
 
 LONGEST_RADII = 2.0         # of a sub-step
 MESH_SHARE = 0.25           # of the tolerance: the triangles' deviation
-COARSER = 10.0              # times as much: triangles from which most flanks keep clear
+COARSER = 10.0              # times as much, and so many times fewer triangles: most flanks keep clear of these
 PIECE_SHARE = 100.0         # of the tolerance: how thick pieces of faces may be, they are halved where a cutter touches
 CLOSE_SHARE = 0.1           # of the tolerance: how closely flanks are looked at
 CONE_SHARE = 0.75           # of the tolerance: how deep a cone may seem to touch what it has made, the triangles' chords counted
@@ -57,16 +57,16 @@ class LeaningViews:
     @cached_property
     def _coarse_mesh(self):
         """(ClearanceTree, deviation) of the part in triangles that are soon made."""
-        return _tree_of(self._coarse)
+        return _tree_of(self._coarse_triangles)
 
     @cached_property
     def _mesh(self):
         """(ClearanceTree, deviation) of the part."""
-        expected = len(self._coarse.triangles) * COARSER
+        expected = len(self._coarse_triangles.triangles) * COARSER
         return _tree_of(tessellate(self.solid, MESH_SHARE * self.tolerance_mm * max(1.0, expected / MOST_TRIANGLES)))
 
     @cached_property
-    def _coarse(self):
+    def _coarse_triangles(self):
         return tessellate(self.solid, COARSER * MESH_SHARE * self.tolerance_mm)
 
     def depths(self, posted, rows, tool, skin_mm, ask):

@@ -32,28 +32,29 @@ class Surface(Parameters):
     passes: Literal["zig-zag", "one-way"] = "zig-zag"
     scallop_mm: float = Field(default=0.3, gt=0, le=1)
     tolerance_mm: float = Field(default=0.02, gt=0, le=0.1, description="of the profile and of gouges")
+    wide: float = Field(default=1.0, ge=1, le=3, description="times as wide and as long")
 
 
-def poles_mm(form):
-    """(3, 3, 3) of the patch."""
+def poles_mm(form, wide=1.0):
+    """(3, 3, 3) of the patch; `wide`: times as wide and as long."""
     s, t = np.meshgrid(POLES["s"], POLES["s"], indexing="ij")
     z = MIDDLE_MM + sum(f * np.outer(POLES[a], POLES[b]) for (a, b), f in FORMS[form].items())
-    return np.stack([HALF_MM[0] * s, HALF_MM[1] * t, z], axis=2)
+    return np.stack([wide * HALF_MM[0] * s, wide * HALF_MM[1] * t, z], axis=2)
 
 
-def solid(form):
-    poles = TColgp_Array2OfPnt(1, 3, 1, 3)
-    for (i, j), _ in np.ndenumerate(poles_mm(form)[..., 0]):
-        poles.SetValue(i + 1, j + 1, gp_Pnt(*map(float, poles_mm(form)[i, j])))
+def solid(form, wide=1.0):
+    at, poles = poles_mm(form, wide), TColgp_Array2OfPnt(1, 3, 1, 3)
+    for i, j in np.ndindex(3, 3):
+        poles.SetValue(i + 1, j + 1, gp_Pnt(*map(float, at[i, j])))
     top = cq.Face(BRepBuilderAPI_MakeFace(Geom_BezierSurface(poles), 1e-7).Face())
     below = cq.Solid.extrudeLinear(top, cq.Vector(0, 0, -40))
-    return below.intersect(cq.Workplane().box(80, 80, 40, centered=(True, True, False)).val())
+    return below.intersect(cq.Workplane().box(80 * wide, 80 * wide, 40, centered=(True, True, False)).val())
 
 
 def design(p: Surface) -> Design:
-    x, y = HALF_MM.tolist()
+    x, y = (p.wide * HALF_MM).tolist()
     return Design(
-        name="leaning_surface", description="free form finished by a leaning cutter", parameters=p, solid=solid(p.form),
+        name="leaning_surface", description="free form finished by a leaning cutter", parameters=p, solid=solid(p.form, p.wide),
         predicates=(FacePredicate(name="top", count=1, normal=(0, 0, 1), normal_within_deg=50),),
         material="aluminium_6061", machine=p.machine, stock=StockBox(min_mm=(-x, -y, 0), max_mm=(x, y, TOP_MM)),
         finish=Finish(scallop_mm=p.scallop_mm, profile_tolerance_mm=p.tolerance_mm, gouge_mm=p.tolerance_mm),
