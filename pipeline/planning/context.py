@@ -46,7 +46,7 @@ from cuspline.toolpaths.drop.patch_bounds import EVERYWHERE
 from cuspline.toolpaths.five_axis.corner_contact import CornerContact
 from cuspline.toolpaths.five_axis.leaning_moves import upright_again
 from cuspline.toolpaths.five_axis.tool_axes import ClearingAxis, FastestAxis, LeadTilt, ToolAxis
-from cuspline.toolpaths.roughing.stock_fields import lines_of_moves, swept_by_lines
+from cuspline.toolpaths.roughing.stock_fields import NoneSwept, lines_of_moves, swept_by_lines
 from cuspline.values import fixed_math as fixed
 from cuspline.values.circles import rings_of
 from cuspline.values.errors import CutterDoesNotFit, PlanError, ToolpathError
@@ -90,13 +90,13 @@ class PlannedOperation:
 
     @cached_property
     def swept_mm(self):
-        """Height field (function (n, 2) -> (n,)) of the lowest that its cutter comes to, in the frame of its moves."""
+        """stock_fields.Lowest of its cutter, in the frame of its moves."""
         cutter = self.tool.simulated.cutter
         if self.tool.head is not None:      # a disc beside the spindle: nothing is counted on
-            return lambda xy_mm, at_most_mm=np.inf: np.broadcast_to(at_most_mm, len(xy_mm))
+            return NoneSwept()
         leans, is_ball = (self.moves.axis != UPRIGHT).any(), cutter.type == "ball"
         if leans and cutter.corner_radius_mm == 0.0:
-            return lambda xy_mm, at_most_mm=np.inf: np.broadcast_to(at_most_mm, len(xy_mm))
+            return NoneSwept()
         # the lowest places of a ball are those of the upright one; of a bull nose the ball in its middle is counted on
         moves = upright_again(self.moves, cutter.corner_radius_mm) if leans else self.moves
         if leans and not is_ball:

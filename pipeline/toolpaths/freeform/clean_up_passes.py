@@ -19,31 +19,53 @@ def left_by_mm(field, swept):
 
     Args:
         field: TipField of a cutter that reaches every contact of interest.
-        swept: height fields of what cutters swept (stock_fields) in the order of the cuts, at least one; infinite where
-            none of them comes.
+        swept: stock_fields.Lowest of the cutters in the order of the cuts, at least one.
     """
-    inside = field.is_inside & np.isfinite(field.tip_z_mm)
-    def over(contacts, mask):
-        points, normal = contacts[mask], field.normal[mask]
-        rise, off = np.maximum(normal[:, 2], 0.0), np.zeros(mask.sum())
-        known, live = np.ones(len(off), bool), np.arange(len(off))
-        for _ in range(NEWTON_STEPS):
-            at = points[live] + off[live, None] * normal[live]
-            bottom = swept[-1](at[:, :2])
-            for surface in swept[-2::-1]:           # what was cut before is seldom lower
-                bottom = surface(at[:, :2], bottom)
-            before, known[live] = off[live], np.isfinite(bottom)
-            off[live] = np.where(known[live], np.maximum(before + (bottom - at[:, 2]) * rise[live], 0.0), before)
-            live = live[~known[live] | (np.abs(off[live] - before) > SETTLED_MM)]
-        return np.where(known, off, np.inf)
+    left = np.full(field.is_inside.shape, np.nan)
+    for nodes, contacts in _places(field):
+        left[nodes] = np.fmax(left[nodes], _left_mm(contacts, field.normal[nodes], swept))
+    return left
 
-    left = np.full(inside.shape, np.nan)
-    left[inside] = over(field.contact_mm, inside)
+
+def is_left(field, swept, most_mm):
+    """(nx, ny) bool: more than `most_mm` is left; arguments as for `left_by_mm`.
+
+    Where a cutter has been that far out along the normal less is left: most places ask for no more than that.
+    """
+    left = np.zeros(field.is_inside.shape, bool)
+    for nodes, contacts in _places(field):
+        normal, stands = field.normal[nodes], np.arange(len(contacts))
+        for lowest in reversed(swept):
+            out = contacts[stands] + most_mm * normal[stands]
+            stands = stands[~lowest.is_below(out[:, :2], out[:, 2])]
+        nodes = tuple(axis[stands] for axis in nodes)
+        left[nodes] |= _left_mm(contacts[stands], normal[stands], swept) > most_mm
+    return left
+
+
+def _left_mm(contacts, normal, swept):
+    """(n,) the same at contacts (n, 3); infinite where no cutter comes."""
+    rise, off = np.maximum(normal[:, 2], 0.0), np.zeros(len(contacts))
+    known, live = np.ones(len(off), bool), np.arange(len(off))
+    for _ in range(NEWTON_STEPS):
+        at = contacts[live] + off[live, None] * normal[live]
+        bottom = swept[-1](at[:, :2])
+        for lowest in swept[-2::-1]:            # what was cut before is seldom lower
+            bottom = lowest(at[:, :2], bottom)
+        before, known[live] = off[live], np.isfinite(bottom)
+        off[live] = np.where(known[live], np.maximum(before + (bottom - at[:, 2]) * rise[live], 0.0), before)
+        live = live[~known[live] | (np.abs(off[live] - before) > SETTLED_MM)]
+    return np.where(known, off, np.inf)
+
+
+def _places(field):
+    """Nodes of the region, as indices, with the contacts (n, 3) that speak for them: their own, and those that run on."""
+    inside = field.is_inside & np.isfinite(field.tip_z_mm)
+    yield np.nonzero(inside), field.contact_mm[inside]
     for axis in (0, 1):
         for way in (1, -1):
             beyond, ends = _run_on(field, inside, axis, way)
-            left[ends] = np.maximum(left[ends], over(beyond, ends))
-    return left
+            yield np.nonzero(ends), beyond[ends]
 
 
 def _run_on(field, inside, axis, way):
@@ -62,11 +84,10 @@ def _run_on(field, inside, axis, way):
 def region_left(field, swept, most_mm, margin_mm, is_done=None):
     """The part of a region where cutters leave more than `most_mm`, grown by a margin in plan; None: nowhere.
 
-    `swept`: see `left_by_mm`; none: no cutter of this direction came.   `is_done`: function of contacts and normals (n, 3) to
+    `swept`: as for `left_by_mm`; none: no cutter of this direction came.   `is_done`: function of contacts and normals (n, 3) to
     (n,) bool, what other directions have finished; None: nothing.
     """
-    with np.errstate(invalid="ignore"):
-        seeds = left_by_mm(field, swept) > most_mm if swept else field.is_inside & np.isfinite(field.tip_z_mm)
+    seeds = is_left(field, swept, most_mm) if swept else field.is_inside & np.isfinite(field.tip_z_mm)
     if is_done is not None and seeds.any():
         seeds[seeds] = ~is_done(field.contact_mm[seeds], field.normal[seeds])
     return field.narrowed(seeds, margin_mm) if seeds.any() else None

@@ -14,16 +14,24 @@ of the surface but contacts.  Where the cutter rolls over an edge the contact st
 can form; where it bridges a hollow the contact jumps and what it jumps over is out of reach.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from cuspline.values import fixed_math as fixed
+from cuspline.values.arrays import for_kernel
+from cuspline.values.compiled import njit
 from cuspline.values.errors import ToolpathError
+from cuspline.values.rows import X, Y, Z
+from cuspline.values.threads import in_blocks
 
 ROLLING_STEP_RADII = 0.5    # over an edge no scallop forms; the centre still goes no farther from pass to pass
 TIGHTEST = 50.0             # a hollow within 2 % of the cutter's radius counts as that
 JUMP = 3.0                  # a contact that moves this much faster than on both sides of it jumps
+LEVEL = 1e-9                # of a unit normal's level part, below which it stands upright
+ROWS = 16                   # of the grid that a thread takes at a time
+DS, DN, DP = range(3)       # how contact, normal and tip move
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,17 +42,18 @@ class Across:
     widest_mm: float            # no step is wider, however flat it cuts
 
 
-def scallop_metric(contact_mm, normal, step_mm, *, radius_mm, corner_radius_mm=None, scallop_mm, across=None):
+def scallop_metric(contact_mm, normal, step_mm, *, radius_mm, corner_radius_mm=None, scallop_mm, across=None, x_axis=1):
     """Metric in which neighbouring passes lie one apart.
 
     Args:
-        contact_mm: (ny, nx, 3) contact over each node of an even grid, y by rows, x by columns; NaN: none.
+        contact_mm: (ny, nx, 3) contact over each node of an even grid; NaN: none.
         normal: (ny, nx, 3) unit normal there, from the contact into the cutter.
         step_mm: grid pitch, the same in x and y.
         radius_mm: cutter radius R.
         corner_radius_mm: rc; None: a ball.
         scallop_mm: scallop height wanted, far below the corner radius.
         across: Across of the cutter that leaves the scallops; None: the one that touches.
+        x_axis: 1 where y goes by rows, x by columns; 0: the other way round.
     Returns:
         (ny, nx, 3) xx, xy, yy in 1/mm² of the tip's plan (x, y); NaN where there is no contact.  The error
         of a step is of order step_mm² on smooth faces, and of scallop / radius (a ball on a flat: none).
@@ -59,11 +68,12 @@ def scallop_metric(contact_mm, normal, step_mm, *, radius_mm, corner_radius_mm=N
         across.radius_mm, across.radius_mm, across.widest_mm)
     if not 0.0 < scallop_mm < 0.2 * cuts:
         raise ToolpathError(f"scallop height {scallop_mm} mm is not small beside the corner radius {cuts} mm")
-    steps = [_along(contact_mm, normal, step_mm, axis, radius_mm, rc) for axis in (1, 0)]
+    contact, normal = for_kernel(contact_mm), for_kernel(normal)
     height = 8.0 * scallop_mm * (1.0 - scallop_mm / (2.0 * cuts))
-    gap = np.stack([_gap(a, b, normal, R, cuts) for a, b in _pairs(steps)], axis=-1) / height
-    tip = np.stack([np.einsum("...k,...k", a[2], b[2]) for a, b in _pairs(steps)], axis=-1)
-    return _clipped(gap, tip, 1.0 / widest ** 2, TIGHTEST / (cuts * height))
+    speed, metric = _speeds(contact, normal, radius_mm, rc), np.empty(contact.shape)
+    in_blocks(_metric_rows, len(contact), ROWS, contact, normal, speed, float(step_mm), x_axis, float(radius_mm), float(rc),
+              float(R), float(cuts), height, 1.0 / widest ** 2, TIGHTEST / (cuts * height), metric)
+    return metric
 
 
 def contact_jumps(contact_mm, normal, *, radius_mm, corner_radius_mm=None):
@@ -73,97 +83,181 @@ def contact_jumps(contact_mm, normal, *, radius_mm, corner_radius_mm=None):
         contact_mm, normal, radius_mm, corner_radius_mm: as for `scallop_metric`.
     """
     rc = radius_mm if corner_radius_mm is None else corner_radius_mm
-    out = np.zeros((*contact_mm.shape[:2], 2), bool)
-    for k, axis in enumerate((1, 0)):
-        moves = _moves(contact_mm, normal, axis, radius_mm, rc)
-        np.moveaxis(out[..., k], axis, 0)[:-1] = _jumps(_speed(*moves, rc))
+    contact, normal = for_kernel(contact_mm), for_kernel(normal)
+    out = np.zeros((*contact.shape[:2], 2), np.bool_)
+    _jump_rows(_speeds(contact, normal, radius_mm, rc), out)
     return out
 
 
-def _pairs(steps):
-    x, y = steps
-    return (x, x), (x, y), (y, y)
+def _speeds(contact, normal, R, rc):
+    """(rows, columns, 2) how fast contact and corner circle move together from a node to its next, for a unit of the cutter's
+    motion squared: along a row [0], along a column [1]; NaN: unknown."""
+    speed = np.empty((*contact.shape[:2], 2))
+    in_blocks(_speed_rows, len(contact), ROWS, contact, normal, float(R), float(rc), speed)
+    return speed
 
 
-def _moves(contact, normal, axis, R, rc):
-    """Differences of contact, normal and cutter from node to node along one axis, which comes first."""
-    s, n = np.moveaxis(contact, axis, 0), np.moveaxis(normal, axis, 0)
-    return tuple(np.diff(a, axis=0) for a in (s, n, s + rc * n + (R - rc) * _level(n)))
+@njit
+def _next(i, j, way):
+    """The node behind (i, j) along a row (way 0) or a column (1)."""
+    return (i, j + 1) if way == 0 else (i + 1, j)
 
 
-def _speed(ds, dn, dp, rc):
-    """(k, n) how fast contact and corner circle move together, for a unit of the cutter's motion squared."""
-    move = np.einsum("...k,...k", dp, dp)
-    return np.einsum("...k,...k", ds, ds + rc * dn) / np.where(move > 0, move, np.nan)
+@njit
+def _before(i, j, way):
+    return (i, j - 1) if way == 0 else (i - 1, j)
 
 
-def _along(contact, normal, step_mm, axis, R, rc):
-    """How contact, normal and cutter move per mm along one axis, each (ny, nx, 3); never across a jump."""
-    ds, dn, dp = _moves(contact, normal, axis, R, rc)
-    speed = _speed(ds, dn, dp, rc)
-    usable = np.isfinite(speed) & ~_jumps(speed)
-    before = np.concatenate([np.zeros_like(usable[:1]), usable])
-    after = np.concatenate([usable, np.zeros_like(usable[:1])])
-    alone = ~(before | after)           # no clean neighbour: what there is
-    before |= alone & np.concatenate([np.zeros_like(usable[:1]), np.isfinite(speed)])
-    after |= alone & np.concatenate([np.isfinite(speed), np.zeros_like(usable[:1])])
-    count = (before.astype(float) + after)[..., None]
-    out = []
-    for d in (ds, dn, dp):
-        lead = np.where(before[..., None], np.concatenate([np.zeros_like(d[:1]), d]), 0.0)
-        lag = np.where(after[..., None], np.concatenate([d, np.zeros_like(d[:1])]), 0.0)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            out.append(np.moveaxis((lead + lag) / count / step_mm, 0, axis))
-    return out
+@njit(error_model="numpy")
+def _move(contact, normal, i, j, way, R, rc, out):
+    """Differences of contact, normal and cutter from a node to its next into out (3, 3)."""
+    k, m = _next(i, j, way)
+    for c in range(3):
+        out[DS, c] = contact[k, m, c] - contact[i, j, c]
+        out[DN, c] = normal[k, m, c] - normal[i, j, c]
+        ahead, here = contact[k, m, c] + rc * normal[k, m, c], contact[i, j, c] + rc * normal[i, j, c]
+        if R > rc:
+            ahead += (R - rc) * _level(normal[k, m], c)
+            here += (R - rc) * _level(normal[i, j], c)
+        out[DP, c] = ahead - here
 
 
-def _level(normal):
-    """Unit level part of normals, zero where they stand upright."""
-    flat = normal * (1.0, 1.0, 0.0)
-    length = np.linalg.norm(flat, axis=-1, keepdims=True)
-    return np.divide(flat, length, out=np.zeros_like(flat), where=length > 1e-9)
+@njit(error_model="numpy")
+def _level(n, c):
+    """Coordinate c of a normal's unit level part, 0 where it stands upright."""
+    long = math.sqrt(n[X] * n[X] + n[Y] * n[Y])
+    return n[c] / long if c != Z and long > LEVEL else 0.0
 
 
-def _jumps(speed):
-    """(k, n) bool: grid steps over which the contact moves far more than over the steps on both sides."""
-    known = np.where(np.isfinite(speed), speed, 0.0)
-    ends = np.zeros_like(known[:1])
-    beside = np.maximum(np.concatenate([ends, known[:-1]]), np.concatenate([known[1:], ends]))
-    return known > JUMP * np.maximum(beside, 1.0)
+@njit(inline="always")
+def _dot(a, b):
+    return a[X] * b[X] + a[Z] * b[Z] + a[Y] * b[Y]
 
 
-def _gap(a, b, normal, R, rc):
+@njit(error_model="numpy")
+def _speed_rows(contact, normal, R, rc, speed, first, end):
+    rows, columns = contact.shape[:2]
+    move = np.empty((3, 3))
+    for i in range(first, end):
+        for j in range(columns):
+            for way in range(2):
+                k, m = _next(i, j, way)
+                speed[i, j, way] = np.nan
+                if k == rows or m == columns:
+                    continue
+                _move(contact, normal, i, j, way, R, rc, move)
+                ds, dn, moved = move[DS], move[DN], _dot(move[DP], move[DP])
+                if moved > 0.0:
+                    speed[i, j, way] = (ds[X] * (ds[X] + rc * dn[X]) + ds[Z] * (ds[Z] + rc * dn[Z])
+                                        + ds[Y] * (ds[Y] + rc * dn[Y])) / moved
+
+
+@njit(error_model="numpy")
+def _known(speed, node, way):
+    """Speed of a step, 0 where it is unknown or off the grid."""
+    i, j = node
+    if i < 0 or j < 0 or i >= speed.shape[0] or j >= speed.shape[1] or not math.isfinite(speed[i, j, way]):
+        return 0.0
+    return speed[i, j, way]
+
+
+@njit(error_model="numpy")
+def _jumps(speed, i, j, way):
+    """Over this step the contact moves far more than over the steps on both sides."""
+    beside = max(_known(speed, _before(i, j, way), way), _known(speed, _next(i, j, way), way))
+    return _known(speed, (i, j), way) > JUMP * max(beside, 1.0)
+
+
+@njit(error_model="numpy")
+def _jump_rows(speed, out):
+    for i in range(speed.shape[0]):
+        for j in range(speed.shape[1]):
+            for way in range(2):
+                out[i, j, way] = _jumps(speed, i, j, way)
+
+
+@njit(error_model="numpy")
+def _along(contact, normal, speed, i, j, way, step_mm, R, rc, move, out):
+    """How contact, normal and tip move per mm along a row or column, into out (3, 3); never across a jump; NaN: unknown.
+
+    The mean of the steps to both neighbours, clean ones; without any, of what there is.
+    """
+    before = _before(i, j, way)
+    known_before = before[0] >= 0 and before[1] >= 0 and math.isfinite(speed[before[0], before[1], way])
+    known_behind = math.isfinite(speed[i, j, way])
+    takes_before = known_before and not _jumps(speed, before[0], before[1], way)
+    takes_behind = known_behind and not _jumps(speed, i, j, way)
+    if not (takes_before or takes_behind):
+        takes_before, takes_behind = known_before, known_behind
+    out[:] = 0.0
+    if takes_before:
+        _move(contact, normal, before[0], before[1], way, R, rc, move)
+        _add(out, move)
+    if takes_behind:
+        _move(contact, normal, i, j, way, R, rc, move)
+        _add(out, move)
+    share = 0.5 if takes_before and takes_behind else 1.0 if takes_before or takes_behind else np.nan
+    for a in range(3):
+        for c in range(3):
+            out[a, c] = share * out[a, c] / step_mm
+
+
+@njit(inline="always")
+def _add(out, move):
+    for a in range(3):
+        for c in range(3):
+            out[a, c] += move[a, c]
+
+
+@njit(error_model="numpy")
+def _metric_rows(contact, normal, speed, step_mm, x_axis, R, rc, across_R, cuts, height, least, most, metric, first, end):
+    """Rows of `scallop_metric`; R, rc: of the cutter that touches; across_R, cuts: of the one that leaves the scallops."""
+    x, y, move, gap, tip = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty(3), np.empty(3)
+    for i in range(first, end):
+        for j in range(contact.shape[1]):
+            _along(contact, normal, speed, i, j, 1 - x_axis, step_mm, R, rc, move, x)
+            _along(contact, normal, speed, i, j, x_axis, step_mm, R, rc, move, y)
+            gap[0] = _gap(x, x, normal[i, j], across_R, cuts) / height
+            gap[1] = _gap(x, y, normal[i, j], across_R, cuts) / height
+            gap[2] = _gap(y, y, normal[i, j], across_R, cuts) / height
+            tip[0], tip[1], tip[2] = _dot(x[DP], x[DP]), _dot(x[DP], y[DP]), _dot(y[DP], y[DP])
+            _clip(gap, tip, least, most, metric[i, j])
+
+
+@njit(error_model="numpy")
+def _gap(a, b, n, R, rc):
     """K(dS, dS') + <dS, dn'>, made symmetric, for two directions' (dS, dn, dP)."""
-    ds, dn = a[0], a[1]
-    es, en = b[0], b[1]
-    part = 0.5 * (np.einsum("...k,...k", ds, en) + np.einsum("...k,...k", es, dn))
-    cutter = np.einsum("...k,...k", ds, es) / rc
+    part = 0.5 * (_dot(a[DS], b[DN]) + _dot(b[DS], a[DN]))
+    cutter = _dot(a[DS], b[DS]) / rc
     if rc == R:
         return cutter + part
-    sin = np.linalg.norm(normal[..., :2], axis=-1)
-    level = _level(normal)
-    round_ = np.stack([-level[..., 1], level[..., 0], level[..., 2]], axis=-1)
+    sin = math.sqrt(n[X] * n[X] + n[Y] * n[Y])
+    round_x, round_y = -_level(n, Y), _level(n, X)
     bend = sin / (R - rc + rc * sin) - 1.0 / rc
-    return cutter + part + bend * np.einsum("...k,...k", ds, round_) * np.einsum("...k,...k", es, round_)
+    return cutter + part + bend * (a[DS, X] * round_x + a[DS, Y] * round_y) * (b[DS, X] * round_x + b[DS, Y] * round_y)
 
 
-def _clipped(gap, tip, least, most):
-    """The metric with its lengths per mm of tip path kept between two bounds (squared, 1/mm²)."""
-    a, b, c = np.moveaxis(tip, -1, 0)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        l11 = np.sqrt(a)                        # tip = L L^T;  gap = L A L^T
-        l21 = b / l11
-        l22 = np.sqrt(np.maximum(c - l21 * l21, 1e-12))
-        p, q, s = np.moveaxis(gap, -1, 0)
-        axx = p / (l11 * l11)
-        axy = (q - l21 * l11 * axx) / (l11 * l22)
-        ayy = (s - 2 * l21 * l22 * axy - l21 * l21 * axx) / (l22 * l22)
-        mean, half = 0.5 * (axx + ayy), fixed.hypot(0.5 * (axx - ayy), axy)
-        low, high = (np.clip(v, least, most) for v in (mean - half, mean + half))
-        turn = np.where(half > 0, (high - low) / np.maximum(2 * half, 1e-300), 0.0)
-        middle = 0.5 * (low + high) - turn * mean
-        bxx, bxy, byy = middle + turn * axx, turn * axy, middle + turn * ayy
-        xx = bxx * l11 * l11
-        xy = l11 * (bxx * l21 + bxy * l22)
-        yy = bxx * l21 * l21 + 2 * bxy * l21 * l22 + byy * l22 * l22
-    return np.stack([xx, xy, yy], axis=-1)
+@njit(error_model="numpy")
+def _clip(gap, tip, least, most, out):
+    """The metric with its lengths per mm of tip path kept between two bounds (squared, 1/mm²), into out (3,)."""
+    l11 = math.sqrt(tip[0])                         # tip = L L^T;  gap = L A L^T
+    l21 = tip[1] / l11
+    rest = tip[2] - l21 * l21
+    l22 = math.sqrt(rest if not rest < 1e-12 else 1e-12)
+    axx = gap[0] / (l11 * l11)
+    axy = (gap[1] - l21 * l11 * axx) / (l11 * l22)
+    ayy = (gap[2] - 2 * l21 * l22 * axy - l21 * l21 * axx) / (l22 * l22)
+    mean, half = 0.5 * (axx + ayy), fixed.hypot(0.5 * (axx - ayy), axy)
+    low, high = _kept(mean - half, least, most), _kept(mean + half, least, most)
+    turn = (high - low) / max(2 * half, 1e-300) if half > 0.0 else 0.0
+    middle = 0.5 * (low + high) - turn * mean
+    bxx, bxy, byy = middle + turn * axx, turn * axy, middle + turn * ayy
+    out[0] = bxx * l11 * l11
+    out[1] = l11 * (bxx * l21 + bxy * l22)
+    out[2] = bxx * l21 * l21 + 2 * bxy * l21 * l22 + byy * l22 * l22
+
+
+@njit(inline="always")
+def _kept(value, least, most):
+    """Between two bounds; NaN stays."""
+    return least if value < least else most if value > most else value

@@ -4,6 +4,7 @@ A box, and what earlier moves have left of it.
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -41,9 +42,7 @@ def stock_after(moves, radius_mm, corner_radius_mm, height_mm):
 
 
 def swept_by_lines(lines, radius_mm, corner_radius_mm):
-    """Height field of the lowest that the bottom of a cutter comes to along lines; inf where it never comes.
-
-    Asked with a second argument, (n,) heights, it gives these where they are lower, which it finds for less.
+    """Lowest of the lowest that the bottom of a cutter comes to along lines.
 
     The cutter's bottom stands p(d) above its tip.  min over the path of z + p(d) is minus the
     drop-cutter's max over S of S_z - p(d) on the path turned upside down: its pieces are the edges of
@@ -60,15 +59,38 @@ def swept_by_lines(lines, radius_mm, corner_radius_mm):
     at = lambda k: (starts[row] + (k / counts[row])[:, None] * (ends - starts)[row]) * np.array([1.0, 1.0, -1.0])
     corners = np.stack([at(number), at(number + 1), at(number + 1)], axis=1).reshape(-1, 3)
     path = DropMesh.from_triangles(corners, np.arange(len(corners)).reshape(-1, 3))
+    return Lowest(path=path, radius_mm=radius_mm, corner_radius_mm=corner_radius_mm)
 
-    def lowest_mm(xy_mm, at_most_mm=None):
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Lowest:
+    """Height field of the lowest that a cutter's bottom comes to; inf where it never comes."""
+
+    path: DropMesh              # upside down
+    radius_mm: float
+    corner_radius_mm: float
+
+    def __call__(self, xy_mm, at_most_mm=None):
+        """(n,) heights over places (n, 2); asked with heights (n,) too, these where they are lower, found for less."""
         if at_most_mm is None:
-            return -drop_tips_mm(path, xy_mm, radius_mm, corner_radius_mm)
-        lower, out = is_held_above(path, xy_mm, radius_mm, corner_radius_mm, -at_most_mm), at_most_mm.copy()
-        out[lower] = -drop_tips_mm(path, xy_mm[lower], radius_mm, corner_radius_mm)
+            return -drop_tips_mm(self.path, xy_mm, self.radius_mm, self.corner_radius_mm)
+        lower, out = self.is_below(xy_mm, at_most_mm), at_most_mm.copy()
+        out[lower] = -drop_tips_mm(self.path, xy_mm[lower], self.radius_mm, self.corner_radius_mm)
         return out
 
-    return lowest_mm
+    def is_below(self, xy_mm, height_mm):
+        """(n,) bool: the bottom comes below heights (n,), which takes far less to tell than how far."""
+        return is_held_above(self.path, xy_mm, self.radius_mm, self.corner_radius_mm, -height_mm)
+
+
+class NoneSwept:
+    """As Lowest, of a cutter that is not counted on."""
+
+    def __call__(self, xy_mm, at_most_mm=np.inf):
+        return np.broadcast_to(at_most_mm, len(xy_mm))
+
+    def is_below(self, xy_mm, height_mm):
+        return np.zeros(len(xy_mm), bool)
 
 
 def lines_of_moves(moves):
