@@ -1,13 +1,18 @@
 """Where a lowered cutter rests and what it touches there, one row a position."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from cuspline.values.arrays import frozen
+from cuspline.values.arrays import for_kernel, frozen
+from cuspline.values.compiled import njit
 from cuspline.values.errors import ToolpathError
+from cuspline.values.rows import X, Y, Z
+from cuspline.values.threads import in_blocks
 
 NO_FACE = -1
+BLOCK = 4096                # rows a thread takes at a time
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -66,16 +71,25 @@ def cutter_normals(xy_mm, tip_z_mm, contact_mm, radius_mm, corner_radius_mm):
     corner's circle.  A sharp corner (rc = 0) has no one normal: there they point level to the axis
     when the contact lies on its circle.
     """
-    arm = contact_mm[:, :2] - xy_mm
-    distance = np.linalg.norm(arm, axis=1)
-    flat = radius_mm - corner_radius_mm
-    share = np.minimum(flat / np.maximum(distance, 1e-300), 1.0)
-    center = np.column_stack([xy_mm + arm * share[:, None], tip_z_mm + corner_radius_mm])
-    normal = center - contact_mm
-    length = np.linalg.norm(normal, axis=1)
-    on_sharp = (corner_radius_mm == 0.0) & (distance >= flat * (1 - 1e-9))
-    normal[on_sharp] = np.column_stack([-arm[on_sharp], np.zeros(on_sharp.sum())])
-    length[on_sharp] = distance[on_sharp]
-    is_flat = (distance < flat) | (length == 0.0)
-    normal[is_flat], length[is_flat] = (0.0, 0.0, 1.0), 1.0
-    return normal / length[:, None]
+    xy, tips, contact = for_kernel(xy_mm).reshape(-1, 2), for_kernel(tip_z_mm), for_kernel(contact_mm).reshape(-1, 3)
+    normals = np.empty(contact.shape)
+    in_blocks(_normal_rows, len(contact), BLOCK, xy, tips, contact, float(radius_mm), float(corner_radius_mm), normals)
+    return normals
+
+
+@njit(error_model="numpy")
+def _normal_rows(xy, tips, contact, R, rc, normals, first, end):
+    flat = R - rc
+    for i in range(first, end):
+        ax, ay = contact[i, X] - xy[i, X], contact[i, Y] - xy[i, Y]
+        distance = math.sqrt(ax * ax + ay * ay)
+        if rc == 0.0 and distance >= flat * (1 - 1e-9):
+            nx, ny, nz, length = -ax, -ay, 0.0, distance
+        else:
+            share = min(flat / max(distance, 1e-300), 1.0)
+            nx, ny = xy[i, X] + ax * share - contact[i, X], xy[i, Y] + ay * share - contact[i, Y]
+            nz = tips[i] + rc - contact[i, Z]
+            length = math.sqrt(nx * nx + ny * ny + nz * nz)
+        if distance < flat or length == 0.0:
+            nx, ny, nz, length = 0.0, 0.0, 1.0, 1.0
+        normals[i, X], normals[i, Y], normals[i, Z] = nx / length, ny / length, nz / length
