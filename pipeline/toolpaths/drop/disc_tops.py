@@ -4,6 +4,7 @@
     within the disc of any place of one:  ▂▅███████▅▂     never too low
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,22 +30,21 @@ class DiscTops:
     @classmethod
     def of_triangles(cls, corners_mm, radius_mm):
         """Over (m, 3, 3) corners."""
-        low, high = (getattr(corners_mm[:, :, :2], side)(axis=(0, 1)) for side in ("min", "max"))
+        corners = for_kernel(corners_mm)
+        low, high = _box(corners)
         cell = float(max(radius_mm / CELLS_A_RADIUS, (high - low).max() / MOST_CELLS))
         beside = int(radius_mm / cell) + 2
         count = np.ceil((high - low) / cell).astype(np.int64) + 1 + 2 * beside
         low = low - cell * beside
         alone, tops = (np.full(count, -np.inf) for _ in range(2))
-        _raise_cells(for_kernel(corners_mm), for_kernel(low), cell, alone)
+        _raise_cells(corners, for_kernel(low), cell, alone)
         _raise_discs(alone, _half_widths(radius_mm / cell), tops)
         return cls(low_mm=low, cell_mm=cell, tops_mm=tops)
 
     def over(self, xy_mm):
         """(n,) bounds over places (n, 2); -inf where nothing lies beneath the disc."""
-        at = np.floor((xy_mm - self.low_mm) / self.cell_mm).astype(np.int64)
-        is_there = ((at >= 0) & (at < self.tops_mm.shape)).all(axis=1)
-        tops = np.full(len(at), -np.inf)
-        tops[is_there] = self.tops_mm[tuple(at[is_there].T)] + SLACK_MM
+        tops = np.empty(len(xy_mm))
+        _look_up(for_kernel(xy_mm), self.low_mm, self.cell_mm, self.tops_mm, tops)
         return tops
 
 
@@ -53,6 +53,26 @@ def _half_widths(radius):
     beside = np.arange(int(radius) + 2)
     across = radius ** 2 - np.maximum(beside - 1, 0) ** 2
     return np.floor(np.sqrt(np.maximum(across, 0.0)) + SLACK_MM).astype(np.int64) + 1
+
+
+@njit(error_model="numpy")
+def _box(corners):
+    """Lowest and highest x, y of corners (m, 3, 3)."""
+    low, high = np.full(2, np.inf), np.full(2, -np.inf)
+    for k in range(len(corners)):
+        for v in range(3):
+            for axis in range(2):
+                low[axis], high[axis] = min(low[axis], corners[k, v, axis]), max(high[axis], corners[k, v, axis])
+    return low, high
+
+
+@njit(error_model="numpy")
+def _look_up(xy, low, cell, tops, out):
+    """Bounds of the cells that places (n, 2) lie in, rounding added; -inf beside the grid."""
+    for k in range(len(xy)):
+        i, j = math.floor((xy[k, X] - low[X]) / cell), math.floor((xy[k, Y] - low[Y]) / cell)
+        is_there = 0 <= i < tops.shape[0] and 0 <= j < tops.shape[1]
+        out[k] = tops[int(i), int(j)] + SLACK_MM if is_there else -np.inf
 
 
 @njit(error_model="numpy")

@@ -198,12 +198,16 @@ def _held_rows(corners, facets, nodes, xy, R, rc, z, held, first, end):
         last = holder if holder >= 0 else last
 
 
+@njit(error_model="numpy")
 def _sides(corners):
     """(m,) 0 for upper sides, 1 for undersides, 2 for walls: mixed, they have no good upper plane."""
-    u, v = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    nz = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
-    wall = np.abs(nz) < 1e-9 * np.maximum(np.ptp(corners[:, :, :2], axis=1).max(axis=1) ** 2, 1e-30)
-    return np.where(wall, 2.0, np.where(nz < 0.0, 1.0, 0.0))
+    sides = np.empty(len(corners))
+    for k in range(len(corners)):
+        a, b, c = corners[k, A], corners[k, B], corners[k, C]
+        nz = (b[X] - a[X]) * (c[Y] - a[Y]) - (b[Y] - a[Y]) * (c[X] - a[X])
+        wide = max(max(a[X], b[X], c[X]) - min(a[X], b[X], c[X]), max(a[Y], b[Y], c[Y]) - min(a[Y], b[Y], c[Y]))
+        sides[k] = 2.0 if abs(nz) < 1e-9 * max(wide * wide, 1e-30) else 1.0 if nz < 0.0 else 0.0
+    return sides
 
 
 @njit(error_model="numpy")
