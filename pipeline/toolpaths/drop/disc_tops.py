@@ -69,9 +69,10 @@ def _box(corners):
 @njit(error_model="numpy")
 def _look_up(xy, low, cell, tops, out):
     """Bounds of the cells that places (n, 2) lie in, rounding added; -inf beside the grid."""
+    rows, columns = tops.shape
     for k in range(len(xy)):
         i, j = math.floor((xy[k, X] - low[X]) / cell), math.floor((xy[k, Y] - low[Y]) / cell)
-        is_there = 0 <= i < tops.shape[0] and 0 <= j < tops.shape[1]
+        is_there = 0 <= i < rows and 0 <= j < columns
         out[k] = tops[int(i), int(j)] + SLACK_MM if is_there else -np.inf
 
 

@@ -32,6 +32,8 @@ JUMP = 3.0                  # a contact that moves this much faster than on both
 LEVEL = 1e-9                # of a unit normal's level part, below which it stands upright
 ROWS = 16                   # of the grid that a thread takes at a time
 DS, DN, DP = range(3)       # how contact, normal and tip move
+ALONG_ROW, ALONG_COLUMN = range(2)      # ways from a node to its next: in x, in y
+XX, XY, YY = range(3)       # of a symmetric form
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,18 +44,17 @@ class Across:
     widest_mm: float            # no step is wider, however flat it cuts
 
 
-def scallop_metric(contact_mm, normal, step_mm, *, radius_mm, corner_radius_mm=None, scallop_mm, across=None, x_axis=1):
+def scallop_metric(contact_mm, normal, step_mm, *, radius_mm, corner_radius_mm=None, scallop_mm, across=None):
     """Metric in which neighbouring passes lie one apart.
 
     Args:
-        contact_mm: (ny, nx, 3) contact over each node of an even grid; NaN: none.
+        contact_mm: (ny, nx, 3) contact over each node of an even grid, y by rows, x by columns; NaN: none.
         normal: (ny, nx, 3) unit normal there, from the contact into the cutter.
         step_mm: grid pitch, the same in x and y.
         radius_mm: cutter radius R.
         corner_radius_mm: rc; None: a ball.
         scallop_mm: scallop height wanted, far below the corner radius.
         across: Across of the cutter that leaves the scallops; None: the one that touches.
-        x_axis: 1 where y goes by rows, x by columns; 0: the other way round.
     Returns:
         (ny, nx, 3) xx, xy, yy in 1/mm² of the tip's plan (x, y); NaN where there is no contact.  The error
         of a step is of order step_mm² on smooth faces, and of scallop / radius (a ball on a flat: none).
@@ -71,7 +72,7 @@ def scallop_metric(contact_mm, normal, step_mm, *, radius_mm, corner_radius_mm=N
     contact, normal = for_kernel(contact_mm), for_kernel(normal)
     height = 8.0 * scallop_mm * (1.0 - scallop_mm / (2.0 * cuts))
     speed, metric = _speeds(contact, normal, radius_mm, rc), np.empty(contact.shape)
-    in_blocks(_metric_rows, len(contact), ROWS, contact, normal, speed, float(step_mm), x_axis, float(radius_mm), float(rc),
+    in_blocks(_metric_rows, len(contact), ROWS, contact, normal, speed, float(step_mm), float(radius_mm), float(rc),
               float(R), float(cuts), height, 1.0 / widest ** 2, TIGHTEST / (cuts * height), metric)
     return metric
 
@@ -91,7 +92,7 @@ def contact_jumps(contact_mm, normal, *, radius_mm, corner_radius_mm=None):
 
 def _speeds(contact, normal, R, rc):
     """(rows, columns, 2) how fast contact and corner circle move together from a node to its next, for a unit of the cutter's
-    motion squared: along a row [0], along a column [1]; NaN: unknown."""
+    motion squared: ALONG_ROW, ALONG_COLUMN; NaN: unknown."""
     speed = np.empty((*contact.shape[:2], 2))
     in_blocks(_speed_rows, len(contact), ROWS, contact, normal, float(R), float(rc), speed)
     return speed
@@ -99,13 +100,13 @@ def _speeds(contact, normal, R, rc):
 
 @njit
 def _next(i, j, way):
-    """The node behind (i, j) along a row (way 0) or a column (1)."""
-    return (i, j + 1) if way == 0 else (i + 1, j)
+    """The node behind (i, j)."""
+    return (i, j + 1) if way == ALONG_ROW else (i + 1, j)
 
 
 @njit
 def _before(i, j, way):
-    return (i, j - 1) if way == 0 else (i - 1, j)
+    return (i, j - 1) if way == ALONG_ROW else (i - 1, j)
 
 
 @njit(error_model="numpy")
@@ -136,7 +137,7 @@ def _dot(a, b):
 
 @njit(error_model="numpy")
 def _speed_rows(contact, normal, R, rc, speed, first, end):
-    rows, columns = contact.shape[:2]
+    rows, columns, _ = contact.shape
     move = np.empty((3, 3))
     for i in range(first, end):
         for j in range(columns):
@@ -156,7 +157,8 @@ def _speed_rows(contact, normal, R, rc, speed, first, end):
 def _known(speed, node, way):
     """Speed of a step, 0 where it is unknown or off the grid."""
     i, j = node
-    if i < 0 or j < 0 or i >= speed.shape[0] or j >= speed.shape[1] or not math.isfinite(speed[i, j, way]):
+    rows, columns, _ = speed.shape
+    if i < 0 or j < 0 or i >= rows or j >= columns or not math.isfinite(speed[i, j, way]):
         return 0.0
     return speed[i, j, way]
 
@@ -170,9 +172,10 @@ def _jumps(speed, i, j, way):
 
 @njit(error_model="numpy")
 def _jump_rows(speed, out):
-    for i in range(speed.shape[0]):
-        for j in range(speed.shape[1]):
-            for way in range(2):
+    rows, columns, ways = speed.shape
+    for i in range(rows):
+        for j in range(columns):
+            for way in range(ways):
                 out[i, j, way] = _jumps(speed, i, j, way)
 
 
@@ -182,16 +185,16 @@ def _along(contact, normal, speed, i, j, way, step_mm, R, rc, move, out):
 
     The mean of the steps to both neighbours, clean ones; without any, of what there is.
     """
-    before = _before(i, j, way)
-    known_before = before[0] >= 0 and before[1] >= 0 and math.isfinite(speed[before[0], before[1], way])
+    k, m = _before(i, j, way)
+    known_before = k >= 0 and m >= 0 and math.isfinite(speed[k, m, way])
     known_behind = math.isfinite(speed[i, j, way])
-    takes_before = known_before and not _jumps(speed, before[0], before[1], way)
+    takes_before = known_before and not _jumps(speed, k, m, way)
     takes_behind = known_behind and not _jumps(speed, i, j, way)
     if not (takes_before or takes_behind):
         takes_before, takes_behind = known_before, known_behind
     out[:] = 0.0
     if takes_before:
-        _move(contact, normal, before[0], before[1], way, R, rc, move)
+        _move(contact, normal, k, m, way, R, rc, move)
         _add(out, move)
     if takes_behind:
         _move(contact, normal, i, j, way, R, rc, move)
@@ -210,17 +213,18 @@ def _add(out, move):
 
 
 @njit(error_model="numpy")
-def _metric_rows(contact, normal, speed, step_mm, x_axis, R, rc, across_R, cuts, height, least, most, metric, first, end):
+def _metric_rows(contact, normal, speed, step_mm, R, rc, across_R, cuts, height, least, most, metric, first, end):
     """Rows of `scallop_metric`; R, rc: of the cutter that touches; across_R, cuts: of the one that leaves the scallops."""
     x, y, move, gap, tip = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty(3), np.empty(3)
+    _, columns, _ = contact.shape
     for i in range(first, end):
-        for j in range(contact.shape[1]):
-            _along(contact, normal, speed, i, j, 1 - x_axis, step_mm, R, rc, move, x)
-            _along(contact, normal, speed, i, j, x_axis, step_mm, R, rc, move, y)
-            gap[0] = _gap(x, x, normal[i, j], across_R, cuts) / height
-            gap[1] = _gap(x, y, normal[i, j], across_R, cuts) / height
-            gap[2] = _gap(y, y, normal[i, j], across_R, cuts) / height
-            tip[0], tip[1], tip[2] = _dot(x[DP], x[DP]), _dot(x[DP], y[DP]), _dot(y[DP], y[DP])
+        for j in range(columns):
+            _along(contact, normal, speed, i, j, ALONG_ROW, step_mm, R, rc, move, x)
+            _along(contact, normal, speed, i, j, ALONG_COLUMN, step_mm, R, rc, move, y)
+            gap[XX] = _gap(x, x, normal[i, j], across_R, cuts) / height
+            gap[XY] = _gap(x, y, normal[i, j], across_R, cuts) / height
+            gap[YY] = _gap(y, y, normal[i, j], across_R, cuts) / height
+            tip[XX], tip[XY], tip[YY] = _dot(x[DP], x[DP]), _dot(x[DP], y[DP]), _dot(y[DP], y[DP])
             _clip(gap, tip, least, most, metric[i, j])
 
 
@@ -240,21 +244,21 @@ def _gap(a, b, n, R, rc):
 @njit(error_model="numpy")
 def _clip(gap, tip, least, most, out):
     """The metric with its lengths per mm of tip path kept between two bounds (squared, 1/mm²), into out (3,)."""
-    l11 = math.sqrt(tip[0])                         # tip = L L^T;  gap = L A L^T
-    l21 = tip[1] / l11
-    rest = tip[2] - l21 * l21
+    l11 = math.sqrt(tip[XX])                         # tip = L L^T;  gap = L A L^T
+    l21 = tip[XY] / l11
+    rest = tip[YY] - l21 * l21
     l22 = math.sqrt(rest if not rest < 1e-12 else 1e-12)
-    axx = gap[0] / (l11 * l11)
-    axy = (gap[1] - l21 * l11 * axx) / (l11 * l22)
-    ayy = (gap[2] - 2 * l21 * l22 * axy - l21 * l21 * axx) / (l22 * l22)
+    axx = gap[XX] / (l11 * l11)
+    axy = (gap[XY] - l21 * l11 * axx) / (l11 * l22)
+    ayy = (gap[YY] - 2 * l21 * l22 * axy - l21 * l21 * axx) / (l22 * l22)
     mean, half = 0.5 * (axx + ayy), fixed.hypot(0.5 * (axx - ayy), axy)
     low, high = _kept(mean - half, least, most), _kept(mean + half, least, most)
     turn = (high - low) / max(2 * half, 1e-300) if half > 0.0 else 0.0
     middle = 0.5 * (low + high) - turn * mean
     bxx, bxy, byy = middle + turn * axx, turn * axy, middle + turn * ayy
-    out[0] = bxx * l11 * l11
-    out[1] = l11 * (bxx * l21 + bxy * l22)
-    out[2] = bxx * l21 * l21 + 2 * bxy * l21 * l22 + byy * l22 * l22
+    out[XX] = bxx * l11 * l11
+    out[XY] = l11 * (bxx * l21 + bxy * l22)
+    out[YY] = bxx * l21 * l21 + 2 * bxy * l21 * l22 + byy * l22 * l22
 
 
 @njit(inline="always")
