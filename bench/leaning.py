@@ -2,6 +2,7 @@
 
     python bench/leaning.py FOLDER [dome saddle blade]     whole verdicts on every preset with rotary axes, a table for RESULTS.md;
                                                            builds into FOLDER, what stands there is not built again
+    python bench/leaning.py FOLDER cutters                 the dome by what is no ball, on machines of three kinds: the same table
     python bench/leaning.py FOLDER many                    a dome of 96 x 72 mm in fine passes: what planning and judging cost
 """
 
@@ -29,6 +30,11 @@ FIRST, *OTHERS = ("mill_head_table_bc", "mill_head_head", "mill_table_table", "m
 HIGHER_MM = 60.0            # than the preset's zero: heads that lean come down low
 EVERY_MM = 1.2              # between places looked at
 FORMS = ("dome", "saddle", "blade")
+CUTTERS = {             # tool, and how it leads, cusp and tolerance, mm
+    "bull nose": ("bull 10 r1", 12, 0.05), "flat": ("flat 10", 12, 0.05), "lens": ("lens", 4, 0.05),
+    "tapered ball": ("tapered ball", 20, 0.1)}
+OF_CUTTERS_MM = 0.01        # their tolerance
+MACHINES_OF_CUTTERS = ("mill_trunnion_ac", "mill_head_table_bc", "mill_head_head")
 MANY = "wide=3", "scallop_mm=0.012", "tolerance_mm=0.003"
 # where the job is held, mm beside the preset's zero: as it is, heads that lean come down too low, tables are in the way
 HELD_MM = {**dict.fromkeys(("mill_head_head", "mill_gantry_5axis", "mill_head_table_bc", "mill_head_table"), (0, 0, 60)),
@@ -96,23 +102,34 @@ def _held_mm(form, name):
 
 def verdicts(folder, forms):
     """Build every form on every preset with rotary axes, one after the other; rows of a table as they come."""
+    _table(folder, [(form, name, ("-p", f"form={form}")) for form in forms for name in machine_names()
+                    if find_machine(name).rotaries])
+
+
+def by_cutters(folder):
+    """The dome by every one of CUTTERS, one way, without tilt."""
+    _table(folder, [(what, name, (
+        "-p", f"tool={tool}", "-p", f"lead_deg={lead}", "-p", "tilt_deg=0", "-p", "passes=one-way", "-p", f"scallop_mm={cusp}",
+        "-p", f"tolerance_mm={OF_CUTTERS_MM}")) for what, (tool, lead, cusp) in CUTTERS.items() for name in MACHINES_OF_CUTTERS])
+
+
+def _table(folder, wanted):
+    """Rows of (what, machine, parameters)."""
     print("| form | machine | held beside zero, mm | verdict | CPU s | gouge, proven mm | excess, proven mm | moves proven |",
           "|---|---|---|---|---|---|---|---|", sep="\n", flush=True)
-    for form in forms:
-        for name in (n for n in machine_names() if find_machine(n).rotaries):
-            row = folder / f"{form}-{name}.json"
-            if not row.is_file():
-                row.write_text(json.dumps(_verdict(folder, form, name)))
-            print(_as_row(form, name, json.loads(row.read_text())), flush=True)
+    for what, name, parameters in wanted:
+        row = folder / f"{what.replace(' ', '-')}-{name}.json"
+        if not row.is_file():
+            row.write_text(json.dumps(_verdict(row.with_suffix(""), _held_mm(what, name), name, parameters)))
+        print(_as_row(what, name, json.loads(row.read_text())), flush=True)
 
 
-def _verdict(folder, form, name):
-    mill, out = folder / f"{form}-{name}.toml", folder / f"{form}-{name}"
-    text = (MACHINES / f"{name}.toml").read_text()
-    zero = [a + b for a, b in zip(find_machine(name).wcs_origin_mm, _held_mm(form, name))]
+def _verdict(out, held_mm, name, parameters):
+    mill, text = out.with_suffix(".toml"), (MACHINES / f"{name}.toml").read_text()
+    zero = [a + b for a, b in zip(find_machine(name).wcs_origin_mm, held_mm)]
     mill.write_text(re.sub(r"(?m)^wcs_origin_mm = \S.*?\]", f"wcs_origin_mm = {zero}", text))
     begin = os.times()
-    done = subprocess.run([Path(sys.executable).with_name("cuspline"), "build", PARTS / "leaning_surface.py", "-p", f"form={form}",
+    done = subprocess.run([Path(sys.executable).with_name("cuspline"), "build", PARTS / "leaning_surface.py", *parameters,
                            "-p", f"machine={mill}", "--stage", "verify", "--out", out], capture_output=True, text=True)
     end, made = os.times(), next((p for p in (out, out.with_name(f"{out.name}-rejected")) if (p / "verify.json").is_file()), None)
     cost = {"cpu_s": end.children_user + end.children_system - begin.children_user - begin.children_system}
@@ -157,7 +174,8 @@ def _cpu_s(*words):
 
 if __name__ == "__main__":
     Path(sys.argv[1]).mkdir(parents=True, exist_ok=True)
-    if sys.argv[2:] == ["many"]:
-        many(Path(sys.argv[1]).resolve())
-        sys.exit()
-    verdicts(Path(sys.argv[1]).resolve(), sys.argv[2:] or FORMS)
+    into, others = Path(sys.argv[1]).resolve(), {"many": many, "cutters": by_cutters}
+    if sys.argv[2:] and sys.argv[2] in others:
+        others[sys.argv[2]](into)
+    else:
+        verdicts(into, sys.argv[2:] or FORMS)

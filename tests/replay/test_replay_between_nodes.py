@@ -303,7 +303,7 @@ def test_a_step_left_by_an_earlier_clamping_is_no_contact_that_is_sure():
 
 def test_a_way_is_clear_where_all_stock_beside_it_stands_below():
     """Stock to 0, higher in a disc of 2 mm round (3, 4); brute force over a fine grid says the same."""
-    low, high = np.array([-10.0, -10.0, -5.0]), np.array([10.0, 10.0, 3.0])
+    stock = FoundStock(min_mm=(-10.0, -10.0, -5.0), max_mm=(10.0, 10.0, 3.0), pitch_mm=0.5)
     within = lambda xy, radius: np.where(np.hypot(*(xy - (3.0, 4.0)).T) <= 2.0 + radius, 3.0, 0.0)
     grid = np.stack(np.meshgrid(*[np.linspace(-10, 10, 401)] * 2), axis=-1).reshape(-1, 2)
     rng, found = np.random.default_rng(6), []
@@ -312,12 +312,24 @@ def test_a_way_is_clear_where_all_stock_beside_it_stands_below():
         way = ends[1] - ends[0]
         share = np.clip((grid - ends[0]) @ way / (way @ way), 0, 1)
         near = np.linalg.norm(grid - ends[0] - share[:, None] * way, axis=1)
-        found.append((stands_below(ends, radius, 1.0, within, low, high),
+        found.append((stands_below(ends[None], np.array([1.0]), radius, within, stock),
                       within(grid[near <= radius + 0.05], 0.0).max(initial=0.0) < 1.0,
                       within(grid[near <= radius - 0.05], 0.0).max(initial=0.0) < 1.0))
-        assert not stands_below(ends, radius, -0.5, within, low, high) or not (near <= radius - 0.05).any()
+        assert not stands_below(ends[None], np.array([-0.5]), radius, within, stock) or not (near <= radius - 0.05).any()
     assert all(surely <= clear for clear, surely, _ in found) and all(clear <= maybe for clear, _, maybe in found)
     assert 10 < sum(clear for clear, _, _ in found) < 50
+
+
+def test_ways_asked_together_are_clear_if_each_of_them_is():
+    """Random ways at random heights over a disc that stands higher: together they say what they say one by one."""
+    stock = FoundStock(min_mm=(-10.0, -10.0, -5.0), max_mm=(10.0, 10.0, 3.0), pitch_mm=0.5)
+    within = lambda xy, radius: np.where(np.hypot(*(xy - (3.0, 4.0)).T) <= 2.0 + radius, 3.0, 0.0)
+    rng, found = np.random.default_rng(8), []
+    for _ in range(60):
+        ways, floors = rng.uniform(-14, 14, (3, 1, 2)) + rng.normal(0, 3, (3, 2, 2)), rng.choice([1.0, 1.0, 4.0], 3)
+        alone = [stands_below(ways[k:k + 1], floors[k:k + 1], 4.0, within, stock) for k in range(3)]
+        found.append((stands_below(ways, floors, 4.0, within, stock), all(alone)))
+    assert all(together == alone for together, alone in found) and 10 < sum(alone for _, alone in found) < 50
 
 
 @pytest.mark.parametrize("fin,wanted", [(FIN, ["clearance_not_proven"]), ((0.4, 0.0), [])], ids=["fin", "no fin"])
