@@ -12,25 +12,15 @@ SETTLED_MM = 1e-7           # a step this small is the last
 RUN_ON = 0.8                # of the step from node to node
 
 
-def left_by_mm(field, swept):
-    """(nx, ny) material along the normal that cutters leave at the contacts of a field; NaN outside its region.
+def is_left(field, swept, most_mm):
+    """(nx, ny) bool: cutters leave more than `most_mm` along the normal at the contacts of a field's region.
 
-    A few steps along the normal follow it to the height that the cutters' bottoms come to.
+    A few steps along the normal follow it to the height that the cutters' bottoms come to.  Where a cutter has been out there
+    already less is left: most places ask for no more than that.
 
     Args:
         field: TipField of a cutter that reaches every contact of interest.
         swept: stock_fields.Lowest of the cutters in the order of the cuts, at least one.
-    """
-    left = np.full(field.is_inside.shape, np.nan)
-    for nodes, contacts in _places(field):
-        left[nodes] = np.fmax(left[nodes], _left_mm(contacts, field.normal[nodes], swept))
-    return left
-
-
-def is_left(field, swept, most_mm):
-    """(nx, ny) bool: more than `most_mm` is left; arguments as for `left_by_mm`.
-
-    Where a cutter has been that far out along the normal less is left: most places ask for no more than that.
     """
     left = np.zeros(field.is_inside.shape, bool)
     for nodes, contacts in _places(field):
@@ -44,7 +34,7 @@ def is_left(field, swept, most_mm):
 
 
 def _left_mm(contacts, normal, swept):
-    """(n,) the same at contacts (n, 3); infinite where no cutter comes."""
+    """(n,) left along the normals at contacts (n, 3); infinite where no cutter comes."""
     rise, off = np.maximum(normal[:, 2], 0.0), np.zeros(len(contacts))
     known, live = np.ones(len(off), bool), np.arange(len(off))
     for _ in range(NEWTON_STEPS):
@@ -84,7 +74,7 @@ def _run_on(field, inside, axis, way):
 def region_left(field, swept, most_mm, margin_mm, is_done=None):
     """The part of a region where cutters leave more than `most_mm`, grown by a margin in plan; None: nowhere.
 
-    `swept`: as for `left_by_mm`; none: no cutter of this direction came.   `is_done`: function of contacts and normals (n, 3) to
+    `swept`: as for `is_left`; none: no cutter of this direction came.   `is_done`: function of contacts and normals (n, 3) to
     (n,) bool, what other directions have finished; None: nothing.
     """
     seeds = is_left(field, swept, most_mm) if swept else field.is_inside & np.isfinite(field.tip_z_mm)

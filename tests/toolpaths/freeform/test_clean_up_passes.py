@@ -7,7 +7,7 @@ from known_droppers import Graph, GraphDropper
 
 from cuspline.kernel.brep import faces_of, the_solid
 from cuspline.toolpaths.drop.exact_dropper import ExactDropper
-from cuspline.toolpaths.freeform.clean_up_passes import left_by_mm, region_left
+from cuspline.toolpaths.freeform.clean_up_passes import is_left, region_left
 from cuspline.toolpaths.freeform.tip_field import tip_field
 from cuspline.toolpaths.freeform.tip_paths import TipPath
 from cuspline.toolpaths.roughing.stock_fields import swept_by_lines
@@ -34,12 +34,14 @@ def swept(paths):
 def test_between_two_passes_the_cusp_is_the_closed_form():
     field, r, step = plane_field(radius_mm=3.0, pitch_mm=0.05), 3.0, 0.6
     paths = lines(field, step)
-    left = left_by_mm(field, swept(paths))
     y = field.contact_mm[..., 1] - field.y_mm[0]
     off = np.abs((y + step / 2) % step - step / 2)
     inner = field.is_inside & (np.abs(field.contact_mm[..., 0]) < 4)
     inner &= np.abs(field.contact_mm[..., 1]) < 4
-    assert left[inner] == pytest.approx((r - np.sqrt(r ** 2 - off ** 2))[inner], abs=1e-9)
+    true = (r - np.sqrt(r ** 2 - off ** 2))[inner]
+    for height in (0.0005, 0.005, 0.0149):
+        left, sure = is_left(field, swept(paths), height)[inner], np.abs(true - height) > 1e-9
+        assert (left[sure] == (true[sure] > height)).all() and left.any() and not left.all()
 
 
 def test_a_missing_pass_is_found_where_it_is_missing_and_nowhere_else():
@@ -61,12 +63,13 @@ def test_a_large_ball_leaves_its_own_radius_in_a_corner_to_a_small_one():
     floor = [i for i, f in enumerate(faces) if f.middle.normal[0, 2] > 0.9 and abs(f.middle.point_mm[0, 2] - 5) < 1e-6]
     small = tip_field(ExactDropper.of_faces(faces, 1.0, 1.0), floor, ((0, 0), (20, 10)), 0.125)
     large = swept_by_lines([np.array([(x, -4.0, 5.0), (x, 14.0, 5.0)]) for x in np.arange(0.0, 16.01, 0.25)], 4.0, 4.0)
-    left = left_by_mm(small, [large])
     x, y = small.node_xy_mm[..., 0], small.node_xy_mm[..., 1]
     # the last node speaks for the ground up to the wall
     row = small.is_inside & (np.abs(y - 5) < 3) & (x > 16.2) & (x < 18.7)
     true = 4 - np.sqrt(16 - (x[row] - 16) ** 2)
-    assert left[row] == pytest.approx(true, abs=1e-9)
+    for height in (0.02, 0.3, 0.7):
+        left, sure = is_left(small, [large], height)[row], np.abs(true - height) > 1e-9
+        assert (left[sure] == (true[sure] > height)).all() and left.any() and not left.all()
     rest = region_left(small, [large], 0.01, 0.5)
     reached = x[rest.is_inside & (np.abs(y - 5) < 3)].min()
     assert reached == pytest.approx(16 + np.sqrt(16 - 3.99 ** 2) - 0.5, abs=0.15)
