@@ -2,7 +2,7 @@
 
 The cells of the replay bound what earlier clampings have left only as finely as the z-map is; here it is asked anew,
 down to CELL_MM, in the region that a part of the tool passes over.  Moves lie beside each other: they are asked
-together, and by halves where not all of them are clear.
+together, and by halves where not all of them are clear.  So are cones, as the cylinders that hold them.
 """
 
 from itertools import groupby
@@ -18,7 +18,9 @@ from cuspline.values.compiled import njit
 from cuspline.values.rows import X_HIGH, X_LOW, Y_HIGH, Y_LOW, X, Y
 
 MOST_CELLS = 20_000         # of one size under one move: so many are no fin, it meets stock
-MORE_CELLS = 500            # for each that is asked together with it
+OF_SLICES = 0.1             # of these under a slice of a cone that can still be halved
+FINEST_MM = 0.05            # of radius, from which on no slice is halved
+MORE_CELLS = 0.025          # times as many for each move that is asked together with the first
 MOST_ASKED = 3_000_000      # cells in all: a program that is wrong as a whole need not be looked at to its end
 MOST_TOGETHER = 512         # moves
 DIAGONAL = np.sqrt(2.0) * (1 + 1e-6)        # of half a cell's side to its corner, rounding included
@@ -77,13 +79,13 @@ class _Parts:
             group = list(group)
             yield from (group[k:k + MOST_TOGETHER] for k in range(0, len(group), MOST_TOGETHER))
 
-    def of_move(self, row):
-        """(radius, height above the tip) of the cylinders, distances wanted included."""
+    def slices_of(self, row):
+        """Slices of what is held against stock, frusta z0, r0, z1, r1 above the tip, each with the distance wanted."""
         tool, is_rapid = self._key(row)
-        for (*frustum, grow), (owner, kind) in self.parts:
+        for (z0, r0, z1, r1, grow), (owner, kind) in self.parts:
             if owner == tool and kind != UNCUT and (kind != RAPID or is_rapid):
-                more = grow + self.wanted_mm[kind]
-                yield from ((radius + more, z - more) for z, radius in cylinders_of(*frustum))
+                z, r = (np.linspace(*ends, len(cylinders_of(z0, r0, z1, r1)) + 1) for ends in ((z0, z1), (r0, r1)))
+                yield from ((slice_, grow + self.wanted_mm[kind]) for slice_ in zip(z, r, z[1:], r[1:]))
 
     def _key(self, row):
         return int(self.cutter[np.searchsorted(self.of, row)]), bool(self.posted.kind[row] == Kind.RAPID)
@@ -93,7 +95,7 @@ def _clear_among(rows, parts, within, stock, asked):
     """Of rows of one group those that are surely clear of the stock, as a list."""
     ends = np.stack([parts.posted.start_mm[rows], parts.posted.end_mm[rows]], axis=1)
     lowest, ways = ends[:, :, 2].min(axis=1), np.ascontiguousarray(ends[:, :, :2])
-    if all(stands_below(ways, lowest + z, radius, within, stock) for radius, z in parts.of_move(rows[0])):
+    if all(_is_clear(frustum, more, (ways, lowest), within, stock, asked) for frustum, more in parts.slices_of(rows[0])):
         return rows
     if len(rows) == 1 or asked.is_enough:
         return []
@@ -101,13 +103,28 @@ def _clear_among(rows, parts, within, stock, asked):
     return [row for some in (rows[:half], rows[half:]) for row in _clear_among(some, parts, within, stock, asked)]
 
 
-def stands_below(ways, floors_mm, radius_mm, within, stock):
+def _is_clear(frustum, more_mm, moved, within, stock, asked):
+    """Whether a frustum above tips is surely clear of the stock by a distance; `moved`: ways in plan, the lowest tip of each."""
+    z0, r0, z1, r1 = frustum
+    ways, lowest = moved
+    is_last = r1 - r0 < FINEST_MM
+    most = MOST_CELLS if is_last else OF_SLICES * MOST_CELLS
+    if stands_below(ways, lowest + z0 - more_mm, max(r0, r1) + more_mm, within, stock, most):
+        return True
+    if is_last or asked.is_enough:
+        return False
+    z, r = (z0 + z1) / 2, (r0 + r1) / 2
+    return all(_is_clear(half, more_mm, moved, within, stock, asked) for half in ((z0, r0, z, r), (z, r, z1, r1)))
+
+
+def stands_below(ways, floors_mm, radius_mm, within, stock, most_cells=MOST_CELLS):
     """Whether all stock within a radius of straight ways stands below each one's height: surely, if True.
 
     Args:
         ways: (k, 2, 2) their ends in plan.   floors_mm: (k,).
         within: function of places (n, 2) and a radius to heights (n,) that no stock so near exceeds.
         stock: scene.FoundStock.
+        most_cells: of one size in doubt under one way: beyond, False.
     """
     low, high = np.array(stock.min_mm[:2]), np.array(stock.max_mm[:2])
     first, last = np.maximum(ways.min(axis=(0, 1)) - radius_mm, low), np.minimum(ways.max(axis=(0, 1)) + radius_mm, high)
@@ -123,7 +140,7 @@ def stands_below(ways, floors_mm, radius_mm, within, stock):
         cells = cells[within(cells, DIAGONAL * half) > floors] if len(cells) else cells
         if not len(cells):
             return True
-        if len(cells) > MOST_CELLS + MORE_CELLS * (len(ways) - 1):
+        if len(cells) > most_cells * (1.0 + MORE_CELLS * (len(ways) - 1)):
             return False
     return False
 

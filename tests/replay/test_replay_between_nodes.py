@@ -369,3 +369,5 @@ def test_a_slim_extension_beside_a_wall_is_looked_at_as_the_cone_that_it_is():
         return cleared([0], posted, script, (0.0, 0.0, 1.0), stock) == [0]
 
     assert is_clear(nose + 5.0) and not is_clear(nose + 40.0)
+    bare = 80.0 / 4.2 - 1.0         # above the nose: there it is 8 mm wide, a millimetre higher than the wall's top may be
+    assert is_clear(nose + bare - 0.6) and not is_clear(nose + bare + 0.1)
