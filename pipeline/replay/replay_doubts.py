@@ -66,7 +66,7 @@ class _Asked:
 
 
 class _Parts:
-    """What of the tools is held against stock, as upright cylinders."""
+    """What of the tools is held against stock."""
 
     def __init__(self, posted, script, wanted_mm):
         self.posted, self.wanted_mm = posted, wanted_mm

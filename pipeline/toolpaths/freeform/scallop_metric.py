@@ -132,6 +132,7 @@ def _level(n, c):
 
 @njit(inline="always")
 def _dot(a, b):
+    """x and z first, as NumPy adds them, which is what recorded programs were made with."""
     return a[X] * b[X] + a[Z] * b[Z] + a[Y] * b[Y]
 
 
