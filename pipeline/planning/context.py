@@ -46,7 +46,7 @@ from cuspline.toolpaths.drop.patch_bounds import EVERYWHERE
 from cuspline.toolpaths.five_axis.corner_contact import CornerContact
 from cuspline.toolpaths.five_axis.leaning_moves import upright_again
 from cuspline.toolpaths.five_axis.tool_axes import ClearingAxis, FastestAxis, LeadTilt, ToolAxis
-from cuspline.toolpaths.roughing.stock_fields import NoneSwept, lines_of_moves, swept_by_lines
+from cuspline.toolpaths.roughing.stock_fields import NOT_COUNTED_ON, lines_of_moves, swept_by_lines
 from cuspline.values import fixed_math as fixed
 from cuspline.values.circles import rings_of
 from cuspline.values.errors import CutterDoesNotFit, PlanError, ToolpathError
@@ -93,10 +93,10 @@ class PlannedOperation:
         """stock_fields.Lowest of its cutter, in the frame of its moves."""
         cutter = self.tool.simulated.cutter
         if self.tool.head is not None:      # a disc beside the spindle: nothing is counted on
-            return NoneSwept()
+            return NOT_COUNTED_ON
         leans, is_ball = (self.moves.axis != UPRIGHT).any(), cutter.type == "ball"
         if leans and cutter.corner_radius_mm == 0.0:
-            return NoneSwept()
+            return NOT_COUNTED_ON
         # the lowest places of a ball are those of the upright one; of a bull nose the ball in its middle is counted on
         moves = upright_again(self.moves, cutter.corner_radius_mm) if leans else self.moves
         if leans and not is_ball:

@@ -7,6 +7,7 @@ from pydantic import Field
 
 from cuspline.planning import freeform_finishing
 from cuspline.planning.patterns import Pattern
+from cuspline.toolpaths.roughing.stock_fields import AnyHeights
 
 
 class Rest(Pattern):
@@ -33,6 +34,6 @@ class Rest(Pattern):
         tool, candidates, reached = work.chosen_tool(*self.types)
         before, is_done = [o.swept_mm for o in work.planned], work.is_done
         if not before and is_done is None:
-            before = [work.stock_mm]
+            before = [AnyHeights(work.stock_mm)]
         made = freeform_finishing.passes_over(work, tool, candidates, before, is_done)
         return [made] if made is not None else [], reached

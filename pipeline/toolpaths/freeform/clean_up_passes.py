@@ -20,7 +20,7 @@ def is_left(field, swept, most_mm):
 
     Args:
         field: TipField of a cutter that reaches every contact of interest.
-        swept: stock_fields.Lowest of the cutters in the order of the cuts, at least one.
+        swept: stock_fields.Lowest or AnyHeights in the order of the cuts, at least one.
     """
     left = np.zeros(field.is_inside.shape, bool)
     for nodes, contacts in _places(field):

@@ -4,6 +4,7 @@ A box, and what earlier moves have left of it.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -83,14 +84,21 @@ class Lowest:
         return is_held_above(self.path, xy_mm, self.radius_mm, self.corner_radius_mm, -height_mm)
 
 
-class NoneSwept:
-    """As Lowest, of a cutter that is not counted on."""
+@dataclass(frozen=True, eq=False)
+class AnyHeights:
+    """As Lowest, of any height field: nothing is told for less."""
+
+    height_mm: Callable         # function of places (n, 2) and heights at most (n,), or one, to heights (n,)
 
     def __call__(self, xy_mm, at_most_mm=np.inf):
-        return np.broadcast_to(at_most_mm, len(xy_mm))
+        return self.height_mm(xy_mm, at_most_mm)
 
     def is_below(self, xy_mm, height_mm):
+        """(n,) bool: surely below; here of none."""
         return np.zeros(len(xy_mm), bool)
+
+
+NOT_COUNTED_ON = AnyHeights(lambda xy_mm, at_most_mm: np.broadcast_to(at_most_mm, len(xy_mm)))
 
 
 def lines_of_moves(moves):
