@@ -13,14 +13,14 @@ import numpy as np
 from cuspline.program.program import Kind
 from cuspline.replay.replay_kernel import RAPID, UNCUT
 from cuspline.replay.replay_stock import CELL_MM
-from cuspline.shop.cutters import cylinders_of
+from cuspline.shop.cutters import slices_of
 from cuspline.values.compiled import njit
 from cuspline.values.rows import X_HIGH, X_LOW, Y_HIGH, Y_LOW, X, Y
 
 MOST_CELLS = 20_000         # of one size under one move: so many are no fin, it meets stock
-OF_SLICES = 0.1             # of these under a slice of a cone that can still be halved
+OF_SLICES = 0.1             # share of these under a slice of a cone that can still be halved
 FINEST_MM = 0.05            # of radius, from which on no slice is halved
-MORE_CELLS = 0.025          # times as many for each move that is asked together with the first
+MORE_CELLS = 0.025          # share of these, that each move asked together with the first adds
 MOST_ASKED = 3_000_000      # cells in all: a program that is wrong as a whole need not be looked at to its end
 MOST_TOGETHER = 512         # moves
 DIAGONAL = np.sqrt(2.0) * (1 + 1e-6)        # of half a cell's side to its corner, rounding included
@@ -82,10 +82,9 @@ class _Parts:
     def slices_of(self, row):
         """Slices of what is held against stock, frusta z0, r0, z1, r1 above the tip, each with the distance wanted."""
         tool, is_rapid = self._key(row)
-        for (z0, r0, z1, r1, grow), (owner, kind) in self.parts:
+        for (*frustum, grow), (owner, kind) in self.parts:
             if owner == tool and kind != UNCUT and (kind != RAPID or is_rapid):
-                z, r = (np.linspace(*ends, len(cylinders_of(z0, r0, z1, r1)) + 1) for ends in ((z0, z1), (r0, r1)))
-                yield from ((slice_, grow + self.wanted_mm[kind]) for slice_ in zip(z, r, z[1:], r[1:]))
+                yield from ((one, grow + self.wanted_mm[kind]) for one in slices_of(*frustum))
 
     def _key(self, row):
         return int(self.cutter[np.searchsorted(self.of, row)]), bool(self.posted.kind[row] == Kind.RAPID)

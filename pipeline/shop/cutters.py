@@ -496,9 +496,18 @@ def cylinders_of(z0_mm, radius0_mm, z1_mm, radius1_mm):
     >>> cylinders_of(10.0, 3.0, 18.0, 4.0), cylinders_of(10.0, 3.0, 18.0, 2.0)
     ([(10.0, 3.5), (14.0, 4.0)], [(10.0, 3.0)])
     """
+    return [(z, max(radius0_mm, wide)) for z, _, _, wide in slices_of(z0_mm, radius0_mm, z1_mm, radius1_mm)]
+
+
+def slices_of(z0_mm, radius0_mm, z1_mm, radius1_mm):
+    """[(z, radius, z, radius)] of frusta that a frustum is cut into, from its lower end upward, none wider by more than SLICE_MM.
+
+    >>> slices_of(10.0, 3.0, 18.0, 4.0)
+    [(10.0, 3.0, 14.0, 3.5), (14.0, 3.5, 18.0, 4.0)]
+    """
     count = max(1, math.ceil((radius1_mm - radius0_mm) / SLICE_MM))
-    return [(z0_mm + (z1_mm - z0_mm) * k / count, max(radius0_mm, radius0_mm + (radius1_mm - radius0_mm) * (k + 1) / count))
-            for k in range(count)]
+    ends = [(z0_mm + (z1_mm - z0_mm) * k / count, radius0_mm + (radius1_mm - radius0_mm) * k / count) for k in range(count + 1)]
+    return [(*low, *high) for low, high in zip(ends, ends[1:])]
 
 
 class ToolLibrary(Model):

@@ -70,6 +70,10 @@ def cutter_normals(xy_mm, tip_z_mm, contact_mm, radius_mm, corner_radius_mm):
     On the flat of the bottom they point up; on the corner (ball: everywhere) to the centre of the
     corner's circle.  A sharp corner (rc = 0) has no one normal: there they point level to the axis
     when the contact lies on its circle.
+
+    Args:
+        xy_mm: (n, 2) of the axis.   tip_z_mm: (n,).   contact_mm: (n, 3).
+        radius_mm, corner_radius_mm: R > 0 and rc, 0 (flat) to R (ball).
     """
     xy, tips, contact = for_kernel(xy_mm).reshape(-1, 2), for_kernel(tip_z_mm), for_kernel(contact_mm).reshape(-1, 3)
     normals = np.empty(contact.shape)

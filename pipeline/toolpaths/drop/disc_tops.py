@@ -11,7 +11,7 @@ import numpy as np
 
 from cuspline.values.arrays import for_kernel
 from cuspline.values.compiled import njit
-from cuspline.values.rows import A, B, C, X, Y, Z
+from cuspline.values.rows import X_HIGH, X_LOW, Y_HIGH, Y_LOW, A, B, C, X, Y, Z
 
 CELLS_A_RADIUS = 8          # of the grid
 MOST_CELLS = 400            # along the mesh's longer side
@@ -28,10 +28,10 @@ class DiscTops:
     tops_mm: np.ndarray     # (i, j) nothing within the disc of a place in this cell stands higher
 
     @classmethod
-    def of_triangles(cls, corners_mm, radius_mm):
-        """Over (m, 3, 3) corners."""
+    def of_triangles(cls, corners_mm, box_mm, radius_mm):
+        """Over (m, 3, 3) corners; `box_mm`: (4,) in plan, as `values.rows` has it, that holds them."""
         corners = for_kernel(corners_mm)
-        low, high = _box(corners)
+        low, high = box_mm[[X_LOW, Y_LOW]], box_mm[[X_HIGH, Y_HIGH]]
         cell = float(max(radius_mm / CELLS_A_RADIUS, (high - low).max() / MOST_CELLS))
         beside = int(radius_mm / cell) + 2
         count = np.ceil((high - low) / cell).astype(np.int64) + 1 + 2 * beside
@@ -53,17 +53,6 @@ def _half_widths(radius):
     beside = np.arange(int(radius) + 2)
     across = radius ** 2 - np.maximum(beside - 1, 0) ** 2
     return np.floor(np.sqrt(np.maximum(across, 0.0)) + SLACK_MM).astype(np.int64) + 1
-
-
-@njit(error_model="numpy")
-def _box(corners):
-    """Lowest and highest x, y of corners (m, 3, 3)."""
-    low, high = np.full(2, np.inf), np.full(2, -np.inf)
-    for k in range(len(corners)):
-        for v in range(3):
-            for axis in range(2):
-                low[axis], high[axis] = min(low[axis], corners[k, v, axis]), max(high[axis], corners[k, v, axis])
-    return low, high
 
 
 @njit(error_model="numpy")

@@ -60,7 +60,7 @@ class DropMesh:
     def tops_under(self, radius_mm):
         """DiscTops of discs of a radius."""
         if radius_mm not in self._tops:
-            self._tops[radius_mm] = DiscTops.of_triangles(self.corners_mm, radius_mm)
+            self._tops[radius_mm] = DiscTops.of_triangles(self.corners_mm, self.nodes[0], radius_mm)
         return self._tops[radius_mm]
 
     @classmethod

@@ -31,7 +31,7 @@ TIGHTEST = 50.0             # a hollow within 2 % of the cutter's radius counts 
 JUMP = 3.0                  # a contact that moves this much faster than on both sides of it jumps
 LEVEL = 1e-9                # of a unit normal's level part, below which it stands upright
 ROWS = 16                   # of the grid that a thread takes at a time
-DS, DN, DP = range(3)       # how contact, normal and tip move
+DS, DN, DP, DC = range(4)   # how contact, normal and tip move, and the middle of the corner's circle
 ALONG_ROW, ALONG_COLUMN = range(2)      # ways from a node to its next: in x, in y
 XX, XY, YY = range(3)       # of a symmetric form
 
@@ -111,11 +111,12 @@ def _before(i, j, way):
 
 @njit(error_model="numpy")
 def _move(contact, normal, i, j, way, R, rc, out):
-    """Differences of contact, normal and cutter from a node to its next into out (3, 3)."""
+    """Differences of contact, normal, cutter and corner circle from a node to its next into out (4, 3)."""
     k, m = _next(i, j, way)
     for c in range(3):
         out[DS, c] = contact[k, m, c] - contact[i, j, c]
         out[DN, c] = normal[k, m, c] - normal[i, j, c]
+        out[DC, c] = out[DS, c] + rc * out[DN, c]
         ahead, here = contact[k, m, c] + rc * normal[k, m, c], contact[i, j, c] + rc * normal[i, j, c]
         if R > rc:
             ahead += (R - rc) * _level(normal[k, m], c)
@@ -139,7 +140,7 @@ def _dot(a, b):
 @njit(error_model="numpy")
 def _speed_rows(contact, normal, R, rc, speed, first, end):
     rows, columns, _ = contact.shape
-    move = np.empty((3, 3))
+    move = np.empty((4, 3))
     for i in range(first, end):
         for j in range(columns):
             for way in range(2):
@@ -148,10 +149,9 @@ def _speed_rows(contact, normal, R, rc, speed, first, end):
                 if k == rows or m == columns:
                     continue
                 _move(contact, normal, i, j, way, R, rc, move)
-                ds, dn, moved = move[DS], move[DN], _dot(move[DP], move[DP])
+                moved = _dot(move[DP], move[DP])
                 if moved > 0.0:
-                    speed[i, j, way] = (ds[X] * (ds[X] + rc * dn[X]) + ds[Z] * (ds[Z] + rc * dn[Z])
-                                        + ds[Y] * (ds[Y] + rc * dn[Y])) / moved
+                    speed[i, j, way] = _dot(move[DS], move[DC]) / moved
 
 
 @njit(error_model="numpy")
@@ -216,7 +216,7 @@ def _add(out, move):
 @njit(error_model="numpy")
 def _metric_rows(contact, normal, speed, step_mm, R, rc, across_R, cuts, height, least, most, metric, first, end):
     """Rows of `scallop_metric`; R, rc: of the cutter that touches; across_R, cuts: of the one that leaves the scallops."""
-    x, y, move, gap, tip = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty(3), np.empty(3)
+    x, y, move, gap, tip = np.empty((3, 3)), np.empty((3, 3)), np.empty((4, 3)), np.empty(3), np.empty(3)
     _, columns, _ = contact.shape
     for i in range(first, end):
         for j in range(columns):

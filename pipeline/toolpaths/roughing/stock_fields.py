@@ -98,6 +98,7 @@ class AnyHeights:
         return np.zeros(len(xy_mm), bool)
 
 
+# of a cutter whose work is not counted on
 NOT_COUNTED_ON = AnyHeights(lambda xy_mm, at_most_mm: np.broadcast_to(at_most_mm, len(xy_mm)))
 
 
