@@ -32,7 +32,7 @@ from cuspline.kernel import brep, mesh_quality, solids
 from cuspline.kernel.glb import write_glb
 from cuspline.kernel.solids import stl_of
 from cuspline.planning.by_engagement import follows_engagement, met_by, process_words
-from cuspline.planning.copied_plans import copied
+from cuspline.planning.copied_plans import copied, with_copies
 from cuspline.planning.feeds import TIME_ASSUMPTIONS
 from cuspline.planning.plan import clamping_program, plan_setup
 from cuspline.planning.preflight import refuse_gaps, refuse_impossible_setups
@@ -314,22 +314,29 @@ class _Trial:
         Returns:
             plans, their Job, and its verdict as far as it has begun; None: not begun.
         """
-        job, finish = self.posted(plans), self.order.design.finish
-        for number in range(1, mending.OWN_ROUNDS + 1 if any(p.is_mended for p in plans) else 1):
+        own = [p for p in plans if p.setup.planned_as is None]      # what is wrong with a copy is wrong with what it is copied from
+        job, finish = self.posted(own), self.order.design.finish
+        for number in range(1, mending.OWN_ROUNDS + 1 if any(p.is_mended for p in own) else 1):
             first = self.begun(job)
             share = 1.0 - mending.MARGIN
             deep = first.first.gouges_mm(share * finish.gouge_mm)
             wants = [mending.wants_of(found, finish, mm, share) for (found, _), mm in zip(first.first.residuals, deep)]
-            plans, is_changed = mending.mended(plans, wants, number, "the planner's own check")
+            own, is_changed = mending.mended(own, wants, number, "the planner's own check")
             if not is_changed:
                 wants = [mending.wants_between(proof, finish) for proof in first.first.proofs]
-                plans, is_changed = mending.mended(plans, wants, number, "the planner's own proof between samples")
-            if not is_changed:
-                return plans, job, first
-            self.tell(f"planned again, round {number} of the planner's own check")
+                own, is_changed = mending.mended(own, wants, number, "the planner's own proof between samples")
+            if not is_changed and len(own) == len(plans):
+                return own, job, first
             first = None                # large: let go before the next is made
-            job = self.posted(plans, instead_of=job)
-        return plans, job, None
+            if not is_changed:
+                break
+            self.tell(f"planned again, round {number} of the planner's own check")
+            job = self.posted(own, instead_of=job)
+        if len(own) == len(plans):
+            return own, job, None
+        by_name = {p.setup.name: p for p in own}
+        plans = with_copies([by_name.get(p.setup.name, p) for p in plans])
+        return plans, self.posted(plans, instead_of=job), None
 
     def planned(self, plans):
         """The plans as `checked`; of the programs that it took nothing stays."""

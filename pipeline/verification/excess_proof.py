@@ -65,13 +65,15 @@ class ExcessProof:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Cells:
-    """Cells of patches; some were given up."""
+    """Cells of patches; some were given up.  What was asked of a middle stays known: every other cut gives most cells back whole."""
 
     patch: np.ndarray         # (n,)
     box: np.ndarray           # (n, 4)
     reason: np.ndarray        # (n,) ABOVE or FLOOR
     is_rim: np.ndarray        # (n,) bool
     area_mm2: np.ndarray      # (n,)
+    fair: np.ndarray          # (n,) 1 its middle can be reached, 0 it cannot; NaN not asked
+    height_mm: np.ndarray     # (n,) how high its middle stands; NaN not asked
 
     def __len__(self):
         return len(self.patch)
@@ -89,9 +91,9 @@ class _Cells:
         """Twice as many, cut across the wider side in parameters as often as across the other."""
         wide = self.box[:, 3] - self.box[:, 2] >= self.box[:, 1] - self.box[:, 0]
         patch, box = halves(self.patch, self.box, wide.astype(int))
-        twice = lambda a: np.concatenate([a, a])
+        twice, unknown = lambda a: np.concatenate([a, a]), np.full(len(patch), np.nan)
         return _Cells(patch=patch, box=box, reason=twice(self.reason), is_rim=twice(self.is_rim),
-                      area_mm2=twice(self.area_mm2 / 2))
+                      area_mm2=twice(self.area_mm2 / 2), fair=unknown, height_mm=unknown)
 
 
 def is_bare(faces, blank, allowed_mm):
@@ -176,8 +178,8 @@ class _Search:
         patches, trims = self.ground.patches, self.ground.trims
         parts = [served_pieces(patches, trims, face, ROOT_MM)[:2] for face in self.asked.tolist()]
         patch, box = (np.concatenate(column) for column in zip((np.zeros(0, int), np.zeros((0, 4))), *parts))
-        none = np.zeros(len(patch))
-        return _Cells(patch=patch, box=box, reason=none, is_rim=none.astype(bool), area_mm2=none)
+        none, unknown = np.zeros(len(patch)), np.full(len(patch), np.nan)
+        return _Cells(patch=patch, box=box, reason=none, is_rim=none.astype(bool), area_mm2=none, fair=unknown, height_mm=unknown)
 
     def _proven_by(self, cut, todo):
         """Cells that this cut does not prove."""
@@ -206,22 +208,23 @@ class _Search:
         crowded = count > ROOM
         rows, places = np.nonzero(np.arange(ROOM) < np.where(crowded, 0, count)[:, None])
         found = out[rows, places]
-        return _Cells(patch=todo.patch[rows], box=found[:, :4], reason=found[:, 4], is_rim=found[:, 5] > 0,
-                      area_mm2=found[:, 6]), todo.only(crowded)
+        is_whole = (found[:, :4] == todo.box[rows]).all(axis=1)
+        known = lambda values: np.where(is_whole, values[rows], np.nan)
+        return _Cells(patch=todo.patch[rows], box=found[:, :4], reason=found[:, 4], is_rim=found[:, 5] > 0, area_mm2=found[:, 6],
+                      fair=known(todo.fair), height_mm=known(todo.height_mm)), todo.only(crowded)
 
     def _judged(self, given):
         """Cells to be tried again, and cells to be left.
 
         The height rises with every middle: a peak narrower than the smallest cells may have no other within it.
         """
-        points, normals, face = self._middles(given)
-        above, d, fair = given.reason == ABOVE, np.full(len(given), -np.inf), np.zeros(len(given), bool)
-        known = np.flatnonzero(np.isfinite(normals).all(axis=1))
-        fair[known] = self.is_reachable(points[known], normals[known], face[known])
+        above, fair = given.reason == ABOVE, self._fair(given)
         rows = np.flatnonzero(fair & (above | _some(~above & fair, MOST_AT_RIMS)))     # along a rim there are very many more
-        d[rows] = self.deviation_of(points[rows], normals[rows])
+        given = self._measured(given, fair, rows)
+        d = np.full(len(given), -np.inf)
+        d[rows] = given.height_mm[rows]
         excess = above & fair & (d > self.allowed + NOISE_MM)
-        self.higher.append((points[excess], d[excess]))
+        self.higher.append((self._middles(given.only(excess))[0], d[excess]))
         self.areas["excess"] += float(given.area_mm2[excess].sum())
         raises = above & fair & ~excess & (d > self.height - NOISE_MM)
         self.height = max(self.height, self._raised(d[fair & ~excess].max(initial=0.0)))
@@ -229,6 +232,22 @@ class _Search:
         self.areas["unreachable"] += float(given.area_mm2[above & ~fair & ~again].sum())
         return (_Cells.joined([given.only(raises), given.only(again).halved()]),
                 given.only(~raises & ~excess & (fair | ~above)))
+
+    def _fair(self, cells):
+        """(n,) bool: whether the middles of cells can be reached."""
+        fair = cells.fair == 1.0
+        asked = np.flatnonzero(np.isnan(cells.fair))
+        points, normals, face = self._middles(cells.only(asked))
+        known = np.isfinite(normals).all(axis=1)
+        fair[asked[known]] = self.is_reachable(points[known], normals[known], face[known])
+        return fair
+
+    def _measured(self, cells, fair, rows):
+        """The same cells, `fair` noted, and how high the middles of some rows stand."""
+        height, asked = cells.height_mm.copy(), rows[np.isnan(cells.height_mm[rows])]
+        points, normals, _ = self._middles(cells.only(asked))
+        height[asked] = self.deviation_of(points, normals)
+        return replace(cells, fair=fair.astype(float), height_mm=height)
 
     def _middles(self, cells):
         """Points and outward normals (n, 3) in the middles of cells, and their faces (n,)."""
@@ -240,9 +259,7 @@ class _Search:
 
     def _count(self, left):
         """Areas of cells that nothing proved."""
-        points, normals, face = self._middles(left)
-        known = np.isfinite(normals).all(axis=1)
-        fair = ~known
-        fair[known] = self.is_reachable(points[known], normals[known], face[known])
+        _, normals, _ = self._middles(left)
+        fair = self._fair(left) | ~np.isfinite(normals).all(axis=1)
         for name, chosen in (("unreachable", ~fair), ("rim", fair & left.is_rim), ("inside", fair & ~left.is_rim)):
             self.areas[name] += float(left.area_mm2[chosen].sum())
