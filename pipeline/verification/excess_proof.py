@@ -65,7 +65,7 @@ class ExcessProof:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Cells:
-    """Cells of patches; some were given up.  What was asked of a middle stays known: every other cut gives most cells back whole."""
+    """Cells of patches; some were given up.  What was asked of a middle stays known: other cuts give most cells back whole."""
 
     patch: np.ndarray         # (n,)
     box: np.ndarray           # (n, 4)
