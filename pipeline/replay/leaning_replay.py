@@ -135,7 +135,7 @@ def replay_leaning(posted, tools, stock, design, around, runs):
              *report.unknown_starts(highest, {}, machine), *report.travel(machine),
              *report.table(machine, tools, (geometry.geometry, geometry.row), {}), *report.end(), *report.loads(taken, tools),
              *stop_findings(report, Standing(tools=tools, machine=machine, highest_mm=highest, hanging_mm={},
-                                             stock_before=stock.standing_before)))
+                                             stock_before=stock.standing_before, within_mm=stock.within_mm)))
     return Replay(zmap=zmap, bottom_mm=float(stock.min_mm[2]), top_mm=top, design_top_mm=design.heights_mm(zmap),
                   event_row=events[0], event_cell=events[1], event_z_mm=events[2], final_z_mm=z, findings=found,
                   idle=tuple(report.idle(taken, [])),

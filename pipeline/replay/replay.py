@@ -66,7 +66,7 @@ def replay(posted, tools, stock, *, design=FinishedDesign(), around=Surroundings
              *report.table(machine, tools, run.script, hanging), *report.end(),
              *report.loads(taken, tools),
              *stop_findings(report, Standing(tools=tools, machine=machine, highest_mm=highest, hanging_mm=hanging,
-                                             stock_before=stock.standing_before)))
+                                             stock_before=stock.standing_before, within_mm=stock.within_mm)))
     place = None if np.isnan(least[2]) else report.place(least[2:])
     return Replay(zmap=zmap, bottom_mm=float(stock.min_mm[2]), top_mm=top, design_top_mm=design.heights_mm(zmap),
                   event_row=events[0], event_cell=events[1], event_z_mm=events[2], final_z_mm=z,

@@ -23,6 +23,7 @@ class Standing:
     highest_mm: float               # of stock and fixtures before the first move, WCS
     hanging_mm: dict                # number -> how far a tool reaches below the place that is called its tip, of those that do
     stock_before: Callable | None   # see scene.FoundStock.standing_before; None: nothing is asked of contacts
+    within_mm: Callable | None      # see scene.FoundStock: asked first, it costs little
 
 
 def stop_findings(report, standing):
@@ -51,7 +52,8 @@ def _finding(report, standing, stop, is_switched):
     low = tip[2] - standing.hanging_mm.get(int(posted.tool[row]), 0.0)
     asked = stop.word in ("M0", "M1", "M2", "M30") or is_switched
     depth = -np.inf
-    if asked and tool is not None and standing.stock_before is not None and np.isfinite(tip).all() and low < standing.highest_mm:
+    if (asked and tool is not None and standing.stock_before is not None and np.isfinite(tip).all()
+            and low < _highest_near_mm(standing, tool, tip)):
         depth = depth_in_stock_mm(tool, tip, low, standing.stock_before(stop.row))
     if stop.word in ("M2", "M30") and depth >= 0:
         return report.finding("ends_in_cut", row, depth, tip, f"the program ends with the tool {depth:.3f} mm below the "
@@ -62,6 +64,14 @@ def _finding(report, standing, stop, is_switched):
     if stop.word in ("M0", "M1", "M2", "M30") and machine is not None:
         return _low_stop(report, stop, machine, low, standing.highest_mm)
     return None
+
+
+def _highest_near_mm(standing, tool, tip):
+    """Height above which a standing tool surely touches no stock."""
+    if standing.within_mm is None:
+        return standing.highest_mm
+    near = standing.within_mm(tip[None, :2], tool.cutter.largest_radius_mm + TOUCHING_MM)[0]
+    return min(standing.highest_mm, float(near) + TOUCHING_MM)
 
 
 def _low_change(report, stop, machine):

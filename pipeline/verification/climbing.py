@@ -252,9 +252,13 @@ def bottoms_of(ground, samples_mm, normals, face, centers, depths, spacing_mm):
         Tops whose heights are depths.
     """
     tree, rows, over, reach = cKDTree(samples_mm), [], [], []
+    low, high = samples_mm.min(axis=0, initial=np.inf), samples_mm.max(axis=0, initial=-np.inf)
     for tips, axes, flat, corner in centers:
-        axes = np.broadcast_to(axes, tips.shape)
-        near = tree.query(tips + corner * axes, distance_upper_bound=flat + corner + spacing_mm)[1]
+        axes, far = np.broadcast_to(axes, tips.shape), flat + corner + spacing_mm
+        middles = tips + corner * axes
+        about = ((middles >= low - far) & (middles <= high + far)).all(axis=1)
+        tips, axes = tips[about], axes[about]
+        near = tree.query(middles[about], distance_upper_bound=far)[1]
         there = np.flatnonzero(near < len(samples_mm))
         axis, normal = axes[there], normals[near[there]]
         rows.append(near[there])

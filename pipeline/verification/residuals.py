@@ -10,6 +10,7 @@ from cuspline.values import fixed_math as fixed
 from cuspline.values.arrays import frozen
 from cuspline.values.checkpoints import NOTHING
 from cuspline.values.clusters import clusters_of
+from cuspline.values.known import Known
 from cuspline.verification.climbing import Ground, bottoms_of, tops_of
 from cuspline.verification.foot_of_walls import SQUARE, with_own_cutters
 from cuspline.verification.reach import (
@@ -130,7 +131,9 @@ def residuals(piece, sampled, closest, ball_radius_mm, allowed_mm, gouge_mm, kep
     parts, feeds = ([getattr(s, name) for s in sampled] for name in ("samples", "feeds"))
     reach_at = lambda k, own: sampled[k].reach(piece.cuts[k], own.points_mm, own.normals, own.face, closest, ball_radius_mm)
     looked = _Looked.at(piece, parts, reach_at, gouge_mm, kept)
-    more = [_tops(piece, k, looked, feeds, s) for k, s in enumerate(sampled)]
+    known = Known()
+    stands = lambda j, apart_mm: known.once((j, apart_mm), lambda: _stands(piece.cuts[j], apart_mm))
+    more = [_tops(piece, k, looked, feeds, s, stands) for k, s in enumerate(sampled)]
     beyond = _Looked.at(piece, more, reach_at, gouge_mm, kept)
     every = Samples.joined([p for pair in zip(parts, more) for p in pair])
     climbed = np.concatenate([np.full(len(p), flag) for pair in zip(parts, more) for flag, p in zip((False, True), pair)])
@@ -224,8 +227,11 @@ def _under_necks(points_mm, normals, places, paths, closest, reach):
     return reach
 
 
-def _tops(piece, k, looked, feeds, sampled):
-    """Samples without weight at the tops of what is left on clamping k's faces, and at the bottoms of all gouges."""
+def _tops(piece, k, looked, feeds, sampled, stands):
+    """Samples without weight at the tops of what is left on clamping k's faces, and at the bottoms of all gouges.
+
+    `stands`: function of a clamping's number and a distance that answers as `_stands`.
+    """
     final, ground, samples, spacing_mm = looked.final[k], sampled.ground, sampled.samples, sampled.spacing_mm
     beside = lambda j: np.where((looked.rows[k][j] >= 0)[:, None], feeds[j][looked.rows[k][j]], 0.0)
     feed = np.array([beside(j) for j in range(len(feeds))])[looked.maker[k], np.arange(len(samples))]
@@ -235,8 +241,8 @@ def _tops(piece, k, looked, feeds, sampled):
     if len(piece.cuts) > 1:
         hills += [(-looked.each[k][j], beside(j), depths) for j, depths in enumerate(alone)]
     tops = [tops_of(ground, samples.points_mm, samples.face, *hill, spacing_mm) for hill in hills]
-    tops += [bottoms_of(ground, samples.points_mm, samples.normals, samples.face, _stands(c, spacing_mm), depths, spacing_mm)
-             for c, depths in zip(piece.cuts, alone)]
+    tops += [bottoms_of(ground, samples.points_mm, samples.normals, samples.face, stands(j, spacing_mm), depths, spacing_mm)
+             for j, depths in enumerate(alone)]
     face, u, v = (np.concatenate([getattr(t, name) for t in tops]) for name in ("face", "u", "v"))
     places = ground.places(face, u, v)
     good = np.flatnonzero(places.is_regular)

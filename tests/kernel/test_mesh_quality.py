@@ -87,7 +87,7 @@ def test_no_points_have_no_distance():
 
 
 def view(largest, mean):
-    return {"stock_to_design": {"max_mm": largest}, "design_to_stock": {"mean_mm": mean}, "max_residual_mm": 0.010,
+    return {"max_on_stock_mm": largest, "design_to_stock": {"mean_mm": mean}, "max_residual_mm": 0.010,
             "mean_residual_mm": 0.003}
 
 
@@ -113,7 +113,7 @@ def test_ridges_that_a_coarse_finish_allows_are_finished_places():
     found = SimpleNamespace(samples=samples, deviation_mm=residual, is_for_balls=np.ones(len(points), bool), spacing_mm=0.3)
     design = SimpleNamespace(**dict(zip(("vertices_mm", "triangles"), box((0, 0, 0), (22, 8, 2)))))
     off = lambda allowed_mm: len(compared(mesh_quality.third_view(
-        stock, triangles, design, found, np.array([0, 0, 1.0]), allowed_mm, lambda p: height(p[:, 0])), "setup-1",
+        stock, triangles, design, found, np.array([0, 0, 1.0]), allowed_mm, lambda p: p[:, 2] - 2 - height(p[:, 0])), "setup-1",
         tessellation_mm=0.001, path_mm=1e-5, zmap_mm=0.02, size_mm=22)[1])
     assert residual[points[:, 0] < 10].max() < mesh_quality.THIN_MM < 0.058 and residual.max() > 0.139
     assert (off(allowed_mm=0.02), off(allowed_mm=0.33)) == (1, 0)
@@ -138,8 +138,34 @@ def test_high_ridges_are_nearer_than_they_are_high():
     off = lambda nearest: len(compared(mesh_quality.third_view(
         stock, triangles, design, found, np.array([0, 0, 1.0]), 0.086, nearest), "setup-1", tessellation_mm=0.001,
         path_mm=0.0, zmap_mm=2e-5, size_mm=22)[1])
-    assert off(lambda p: np.sqrt(radius ** 2 + beside(p[:, 0]) ** 2) - radius) == 0
-    assert off(lambda p: np.full(len(p), np.inf)) == 1
+    on_design = lambda p: np.abs(p[:, 2] - 2) < 1e-9
+    ball = lambda p: np.where(on_design(p), np.sqrt(radius ** 2 + beside(p[:, 0]) ** 2) - radius, 0.0)
+    assert off(ball) == 0
+    assert off(lambda p: np.where(on_design(p), np.inf, 0.0)) == 1
+
+
+def test_a_vertex_where_two_setups_meet_is_no_place_of_the_stock():
+    """One vertex 0.02 above a plane finish of 0.01: a chord's end 0.015 off the exact stock, or stock that no sample sees."""
+    x, y = np.meshgrid(np.linspace(2, 20, 19), np.linspace(1, 7, 13), indexing="ij")
+    stock = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, 2.01)])
+    points = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, 2.0)])
+    high = int(np.flatnonzero((stock[:, 0] == 10) & (stock[:, 1] == 4))[0])
+    stock[high, 2] += 0.01
+    at = np.arange(x.size).reshape(x.shape)
+    a, b, c, d = (g.ravel() for g in (at[:-1, :-1], at[1:, :-1], at[:-1, 1:], at[1:, 1:]))
+    triangles = np.vstack([np.column_stack([a, b, c]), np.column_stack([b, d, c])])
+    samples = SimpleNamespace(points_mm=points, normals=np.tile([0, 0, 1.0], (len(points), 1)),
+                              weight_mm2=np.ones(len(points)), is_border=np.zeros(len(points), bool))
+    found = SimpleNamespace(samples=samples, deviation_mm=np.full(len(points), 0.01), is_for_balls=np.ones(len(points), bool),
+                            spacing_mm=1.0)
+    design = SimpleNamespace(**dict(zip(("vertices_mm", "triangles"), box((0, 0, 0), (22, 8, 2)))))
+
+    def findings(high_lies_off_mm):
+        nearest = lambda p: np.where(p[:, 2] > 2.015, high_lies_off_mm, p[:, 2] - 2.01)
+        seen = mesh_quality.third_view(stock, triangles, design, found, np.array([0, 0, 1.0]), 0.011, nearest)
+        return len(compared(seen, "setup-1", tessellation_mm=0.001, path_mm=1e-5, zmap_mm=0.001, size_mm=22)[1])
+
+    assert (findings(0.0), findings(0.015)) == (1, 0)
 
 
 def test_the_coloured_mesh_is_the_same_every_time(tmp_path):
