@@ -40,9 +40,13 @@ def plans(order):
 
 
 def test_the_posted_tips_of_a_copy_are_those_of_what_it_is_copied_from(order, monkeypatch):
-    """Read back from the text, each seen from its own setup; to the post's last decimals, a tool 120 mm from its rotary axes."""
+    """Read back from the text, each seen from its own setup; to the post's last decimals, a tool 120 mm from its rotary axes.
+    The planner's own check looks at what is copied alone: the copy is as good."""
+    looked_at, begun = [], recipe.begun
+    monkeypatch.setattr(recipe, "begun", lambda folder, job, *rest: looked_at.append(job) or begun(folder, job, *rest))
     folder = recipe.build(order).folder
     job = read_job(folder)
+    assert [[p.setup.name for p in looked.posted] for looked in looked_at] == [["top", "front"]]
     _, front, right = read_programs(folder, job, read_tools(folder))
     assert right.setup.planned_as == "front" and len(right.posted) > 100
     cutting = [p.posted.end_mm[p.posted.kind != 0] for p in (front, right)]
