@@ -40,6 +40,14 @@ def test_functions_are_right_to_some_units_in_the_last_place(name, exact, values
         assert units_off(getattr(fixed, name)(*values), wanted) < most
 
 
+@pytest.mark.parametrize("seen", [lambda a: a, lambda a: np.moveaxis(a, 1, 0), lambda a: a[::2, ::3]],
+                         ids=["whole", "turned", "some"])
+def test_lengths_are_those_of_numpy_to_the_last_bit(seen):
+    vectors = np.random.default_rng(3).normal(size=(40, 50, 3)) * 10.0 ** np.random.default_rng(4).integers(-9, 9, (40, 50, 1))
+    vectors[3, 4], vectors[6, 9, 1] = np.inf, np.nan
+    assert np.array_equal(fixed.lengths(seen(vectors)), np.linalg.norm(seen(vectors), axis=-1), equal_nan=True)
+
+
 def test_special_values():
     assert fixed.sin(0.0) == 0.0 and fixed.cos(0.0) == 1.0 and fixed.sin(np.pi / 2) == 1.0 and fixed.cos(np.pi) == -1.0
     assert fixed.arctan2(0.0, -1.0) == np.pi and fixed.arctan2(-0.0, -1.0) == -np.pi and fixed.arctan2(0.0, 0.0) == 0.0

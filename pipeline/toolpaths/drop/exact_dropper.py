@@ -13,6 +13,7 @@ from cuspline.surfaces.creases import proud_curves
 from cuspline.toolpaths.contact.contacts import NO_FACE, TipContacts, cutter_normals
 from cuspline.toolpaths.drop import exact_drop
 from cuspline.toolpaths.drop.droppers import Dropper, checked_cutter
+from cuspline.values import fixed_math as fixed
 from cuspline.values.arrays import frozen
 
 SPACING_MM = 0.1            # of points on edges; nearer to a corner than that the edge may be its neighbour
@@ -88,7 +89,7 @@ class ExactDropper(Dropper):
         contact, normal, is_edge = (np.array(column) for column in (c.contact_mm, c.normal, c.is_edge))
         if self._grown[1] > 0:      # on a face the cutter lies against it; what it only leans on is the face's edge
             cutter = cutter_normals(xy[held], c.tip_z_mm[held], contact[held], *self._grown)
-            leans = np.linalg.norm(cutter - normal[held], axis=1) > LEANING
+            leans = fixed.lengths(cutter - normal[held]) > LEANING
             normal[held] = np.where(leans[:, None], cutter, normal[held])
             is_edge[held] |= leans
         contact[~held] = normal[~held] = np.nan

@@ -6,6 +6,8 @@ The cutter's swept bottom over the planned paths tells the height that is really
 
 import numpy as np
 
+from cuspline.values import fixed_math as fixed
+
 JUMP = 4.0                  # grid pitches: contacts farther apart do not follow each other
 NEWTON_STEPS = 4            # along the normal: the height above is only near to the way along it
 SETTLED_MM = 1e-7           # a step this small is the last
@@ -65,7 +67,7 @@ def _run_on(field, inside, axis, way):
     """
     shifted = lambda grid, k: np.roll(grid, k * way, axis=axis)
     step = field.contact_mm - shifted(field.contact_mm, 1)
-    close = np.linalg.norm(np.nan_to_num(step, nan=np.inf), axis=-1) < JUMP * field.pitch_mm
+    close = fixed.lengths(np.nan_to_num(step, nan=np.inf)) < JUMP * field.pitch_mm
     behind = inside & shifted(inside, 1) & close
     follows = shifted(close, -1) & shifted(inside, -1)
     return field.contact_mm + RUN_ON * np.nan_to_num(step), behind & ~follows

@@ -115,8 +115,8 @@ def _mark_bridged(field, bearing, metric, axis, sine):
     swapped = lambda grid: np.moveaxis(grid, axis, 0)
     contact, normal, out = swapped(field.contact_mm), swapped(field.normal), swapped(sine)
     tip = np.where(swapped(field.is_inside), swapped(field.tip_z_mm), np.nan)
-    jump = np.linalg.norm(np.diff(contact, axis=0), axis=-1)
-    turn = np.linalg.norm(np.diff(normal, axis=0), axis=-1) * field.dropper.corner_radius_mm
+    jump = fixed.lengths(np.diff(contact, axis=0))
+    turn = fixed.lengths(np.diff(normal, axis=0)) * field.dropper.corner_radius_mm
     move = fixed.hypot(field.pitch_mm, np.diff(tip, axis=0))           # NaN where one of both lies outside
     i, j = np.nonzero((jump > JUMP * move) & (turn > JUMP * field.pitch_mm))
     valley = np.cross(normal[i, j], normal[i + 1, j])[:, :2]
