@@ -11,6 +11,8 @@ from cuspline.kernel.stl_files import stl_of_corners
 from cuspline.values.errors import SimulationError
 
 POLYGONS_AT_ONCE, SECTIONS_AT_ONCE = 500, 8     # of a union in the plane
+HAIR_MM = 1e-6            # below its bottom a height field that is cut through goes on
+APART_MM = 1.0            # what is cut off lies beyond it by so much
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -76,21 +78,54 @@ def height_field(xs_mm, ys_mm, z_mm, bottom_mm, name="the stock"):
         z_mm: (ny, nx) heights above bottom_mm; where they are not, the field is thin by 1e-6 mm
             below the bottom and is cut off there.
     """
-    floor = bottom_mm - 1.0
-    z = np.maximum(z_mm, bottom_mm - 1e-6)
+    return _between(xs_mm, ys_mm, np.maximum(z_mm, bottom_mm - HAIR_MM), bottom_mm - APART_MM, name).trim_by_plane(
+        (0.0, 0.0, 1.0), bottom_mm)
+
+
+def over_field(xs_mm, ys_mm, z_mm, bottom_mm, top_mm):
+    """What `height_field` lacks of all that stands over its bottom up to top_mm, and more above and beside that; None: nothing.
+
+    Taken off such a stock it leaves the same as both have in common, in a tenth of the time: it has triangles only about the
+    places that lie lower than the top.  Where these reach the grid's border it goes on beyond, so that no side of it lies on the
+    stock's.
+
+    Args:
+        as for `height_field`; top_mm: no stock stands higher.
+    """
+    is_low = z_mm < top_mm
+    if not is_low.any():
+        return None
+    (j0, j1), (i0, i1) = (_about(np.flatnonzero(is_low.any(axis=axis)), z_mm.shape[1 - axis]) for axis in (1, 0))
+    xs, ys = _run_out(xs_mm, i0, i1), _run_out(ys_mm, j0, j1)
+    inside = (np.arange(j0, j1).clip(0, len(ys_mm) - 1)[:, None], np.arange(i0, i1).clip(0, len(xs_mm) - 1))
+    return _between(xs, ys, np.maximum(z_mm[inside], bottom_mm - HAIR_MM), top_mm + APART_MM, "what was taken off")
+
+
+def _about(chosen, count):
+    """(first, behind the last) of a run of nodes about the chosen ones; -1 and count stand for places beyond the grid."""
+    return int(chosen[0]) - 1, min(int(chosen[-1]) + 1, count) + 1
+
+
+def _run_out(lines_mm, first, behind):
+    """Coordinates of a run of grid lines, those beyond the grid APART_MM outside."""
+    beyond = np.concatenate([[lines_mm[0] - APART_MM], lines_mm, [lines_mm[-1] + APART_MM]])
+    return beyond[first + 1:behind + 1]
+
+
+def _between(xs_mm, ys_mm, z_mm, plane_mm, name):
+    """A solid between heights (ny, nx) over a rectilinear grid and a level plane, all below or all above them."""
     nx, ny = len(xs_mm), len(ys_mm)
     x, y = np.tile(xs_mm, ny), np.repeat(ys_mm, nx)
-    top = np.column_stack([x, y, z.ravel()])
+    surface = np.column_stack([x, y, z_mm.ravel()])
     ring = _ring(nx, ny)
-    base = np.column_stack([x[ring], y[ring], np.full(len(ring), floor)])
-    middle = np.array([[xs_mm[0] / 2 + xs_mm[-1] / 2, ys_mm[0] / 2 + ys_mm[-1] / 2, floor]])
-    below = len(top) + np.arange(len(ring))
-    nxt, nxt_below, center = np.roll(ring, -1), np.roll(below, -1), len(top) + len(ring)
+    base = np.column_stack([x[ring], y[ring], np.full(len(ring), plane_mm)])
+    middle = np.array([[xs_mm[0] / 2 + xs_mm[-1] / 2, ys_mm[0] / 2 + ys_mm[-1] / 2, plane_mm]])
+    below = len(surface) + np.arange(len(ring))
+    nxt, nxt_below, center = np.roll(ring, -1), np.roll(below, -1), len(surface) + len(ring)
     sides = [np.column_stack([ring, below, nxt_below]), np.column_stack([ring, nxt_below, nxt]),
              np.column_stack([np.full(len(ring), center), nxt_below, below])]
-    triangles = np.concatenate([_cells(z, nx, ny), *sides])
-    solid = solid_of(np.vstack([top, base, middle]), triangles, name)
-    return solid.trim_by_plane((0.0, 0.0, 1.0), bottom_mm)
+    triangles = np.concatenate([_cells(z_mm, nx, ny), *sides])
+    return solid_of(np.vstack([surface, base, middle]), triangles if plane_mm < z_mm.flat[0] else triangles[:, ::-1], name)
 
 
 def _ring(nx, ny):
@@ -135,6 +170,11 @@ def common(parts):
     for other in parts[1:]:
         left = left ^ other
     return left
+
+
+def less(solid, parts):
+    """A solid without some others."""
+    return Manifold.batch_boolean([solid, *parts], OpType.Subtract)
 
 
 def made(solid):

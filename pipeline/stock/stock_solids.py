@@ -1,7 +1,7 @@
 """The stock as closed solids: one height field a clamping over its own grid, intersected where there are several."""
 
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -29,8 +29,26 @@ class Field:
     low: np.ndarray           # (3,) billet
     high: np.ndarray
     z: np.ndarray             # (ny * nx,) of the highest stock; () of a hollow one
-    solid: object             # Manifold
-    is_height_field: bool     # nothing is hollow below the heights: the solid is what lies under them
+    hollow: object = None     # Manifold of a hollow one; None: the solid is what lies under the heights
+
+    @property
+    def is_height_field(self):
+        """Nothing is hollow below the heights."""
+        return self.hollow is None
+
+    @cached_property
+    def solid(self):
+        """Manifold."""
+        return self.hollow if self.hollow is not None else solids.height_field(self.xs, self.ys, self._grid, self.low[2])
+
+    @property
+    def over(self):
+        """Manifold of what was taken off, and more above and beside the billet; None: nothing."""
+        return solids.over_field(self.xs, self.ys, self._grid, self.low[2], self.high[2])
+
+    @property
+    def _grid(self):
+        return self.z.reshape(len(self.ys), len(self.xs))
 
     def height_at(self, xy_mm):
         """(n,) heights of the solid's facets over places (n, 2) within the grid."""
@@ -38,7 +56,7 @@ class Field:
         j = np.clip(np.searchsorted(self.ys, xy_mm[:, 1], side="right") - 1, 0, len(self.ys) - 2)
         s = (xy_mm[:, 0] - self.xs[i]) / (self.xs[i + 1] - self.xs[i])
         t = (xy_mm[:, 1] - self.ys[j]) / (self.ys[j + 1] - self.ys[j])
-        z = self.z.reshape(len(self.ys), len(self.xs))
+        z = self._grid
         a, b, c, d = z[j, i], z[j, i + 1], z[j + 1, i + 1], z[j + 1, i]
         rising = solids.is_split_upward(a, b, c, d)
         first = np.where(s >= t, a + s * (b - a) + t * (c - b), a + s * (c - d) + t * (d - a))
@@ -75,10 +93,9 @@ class StockSolids:
         xs, ys = (grid_lines(low[i], high[i], self.pitches_mm[k], self._walls[k][i]) for i in (0, 1))
         field = partial(Field, frame=cut.frame, pitch_mm=self.pitches_mm[k], xs=xs, ys=ys, low=low, high=high)
         if not is_height_field(cut.paths):
-            return field(z=np.zeros(0), solid=self._hollow(k, low, high).solid(grown_mm), is_height_field=False)
+            return field(z=np.zeros(0), hollow=self._hollow(k, low, high).solid(grown_mm))
         ask = lambda: self._heights(cut.paths, np.column_stack([np.tile(xs, len(ys)), np.repeat(ys, len(xs))]), high[2], grown_mm)
-        z = ask() if grown_mm else self._z.once(k, ask)
-        return field(z=z, solid=solids.height_field(xs, ys, z.reshape(len(ys), len(xs)), low[2]), is_height_field=True)
+        return field(z=ask() if grown_mm else self._z.once(k, ask))
 
     def _hollow(self, k, low, high):
         """HollowStock of clamping k."""
@@ -100,18 +117,25 @@ class StockSolids:
     def _met(self, frame, grown_mm):
         """`stock` from the blank and what each setup leaves."""
         blank, cuts = self.piece.blank, self.piece.cuts
-        left = self._left_by_each(frame, grown_mm)
-        if not all(blank.fills_box_in(f) for f in ([c.frame for c in cuts] or [frame])):
+        if len(cuts) > 1:
+            return self.less(solids.moved(blank.solid, HERE.seen_from(frame)), frame, grown_mm)
+        left = [solids.moved(self.field(0, grown_mm).solid, cuts[0].frame.seen_from(frame))] if cuts else []
+        if not blank.fills_box_in(cuts[0].frame if cuts else frame):
             left.append(solids.moved(blank.solid, HERE.seen_from(frame)))
         return solids.common(left) if left else solids.box(*self.piece.box_in(frame))
 
-    def cut(self, frame, grown_mm=0.0):
-        """What the setups, at least one, leave of the boxes round the blank: what stands there of anything."""
-        return solids.common(self._left_by_each(frame, grown_mm))
+    def less(self, solid, frame, grown_mm=0.0):
+        """What the setups leave of a Manifold within the blank's boxes, seen from a frame.
 
-    def _left_by_each(self, frame, grown_mm):
-        """[Manifold] of what every setup by itself leaves of the box round the blank."""
-        return [solids.moved(self.field(k, grown_mm).solid, c.frame.seen_from(frame)) for k, c in enumerate(self.piece.cuts)]
+        Each takes off what lies over its heights; where it leaves stock above where it cut, both have the rest in common.
+        """
+        taken = []
+        for k, cut in enumerate(self.piece.cuts):
+            field, seen = self.field(k, grown_mm), cut.frame.seen_from(frame)
+            over = field.over if field.is_height_field else None
+            taken += [] if over is None else [solids.moved(over, seen)]
+            solid = solid if field.is_height_field else solids.common([solid, solids.moved(field.solid, seen)])
+        return solids.less(solid, taken)
 
 
 def grid_lines(low, high, pitch_mm, walls):

@@ -82,7 +82,7 @@ def stock_states(programs, tools, stock, pitches_mm, kept=NOTHING, finished=None
 
 def _within(left, alone):
     """Manifold of what a clamping's cuts, alone (StockSolids), leave of what those before it left; None: of the stock."""
-    return alone.stock(PART) if left is None else solids.common([left, alone.cut(PART)])
+    return alone.stock(PART) if left is None else alone.less(left, PART)
 
 
 def operation_ends(posted):

@@ -92,6 +92,23 @@ def test_height_field_has_the_volume_under_it():
     assert abs(solids.height_field(xs, ys, through, 0.0).volume() - 2 * 3 * 2 * (1 + 0.25)) < 0.01
 
 
+@pytest.mark.parametrize("rows, columns, low, high", [
+    (slice(5, 12), slice(8, 30), 1.0, 4.0), (slice(0, 8), slice(0, 41), 1.0, 4.0), (slice(0, 21), slice(0, 41), -1.0, 5.0),
+    (slice(6, 10), slice(0, 12), -1.0, -1.0)], ids=["inside", "along borders", "everywhere", "through a side"])
+def test_what_lies_over_a_field_taken_off_leaves_the_field(rows, columns, low, high):
+    """To the last triangle's rounding; no hair stays standing along the billet's sides."""
+    xs, ys, z = np.linspace(0, 20, 41), np.linspace(0, 10, 21), np.full((21, 41), 5.0)
+    z[rows, columns] = np.random.default_rng(1).uniform(low, high, z[rows, columns].shape)
+    field = solids.height_field(xs, ys, z, 0.0)
+    left = solids.less(solids.box((0, 0, 0), (20, 10, 5)), [solids.over_field(xs, ys, z, 0.0, 5.0)])
+    assert abs((field - left).volume()) < 1e-12 and abs((left - field).volume()) < 1e-12
+    assert len(solids.bodies_of(left, 0.0)) == len(solids.bodies_of(field, 0.0))
+
+
+def test_over_a_field_that_nothing_has_lowered_lies_nothing():
+    assert solids.over_field(np.linspace(0, 2, 3), np.linspace(0, 1, 2), np.full((2, 3), 5.0), 0.0, 5.0) is None
+
+
 def test_bodies_are_told_apart():
     pair = solids.prism_over([np.array([(0, 0), (1, 0), (1, 1), (0, 1)]),
                               np.array([(5, 0), (7, 0), (7, 1), (5, 1)])], 0.0, 2.0)
