@@ -439,7 +439,7 @@ def judged_once(named, axes, beside, faces):
     """Which faces each program answers for: one that several positions of a clamping cut is judged by that
     which looks at its middle most squarely.
 
-    A position that is best for none keeps all that it names: each has something to answer for.
+    A position that is best for none keeps the one that it sees most squarely: each has something to answer for.
 
     Args:
         named: [[index]] of the solid's faces, one list a program.   axes: (3,) of each program's tool, unit, part coordinates.
@@ -447,11 +447,10 @@ def judged_once(named, axes, beside, faces):
     Returns:
         [[index]], each sorted as it was.
     """
-    def best(i, among):
-        square = lambda j: round(float(fixed.matmul(faces[i].middle.normal[0], axes[j])), SAME_DECIMALS)
-        return max((j for j in among if i in named[j]), key=lambda j: (square(j), -j))
-
-    return [[i for i in mine if best(i, (k, *beside[k])) == k] or mine for k, mine in enumerate(named)]
+    square = lambda i, j: round(float(fixed.matmul(faces[i].middle.normal[0], axes[j])), SAME_DECIMALS)
+    best = lambda i, among: max((j for j in among if i in named[j]), key=lambda j: (square(i, j), -j))
+    own = [[i for i in mine if best(i, (k, *beside[k])) == k] for k, mine in enumerate(named)]
+    return [some or [max(mine, key=lambda i: (square(i, k), -i))] for k, (some, mine) in enumerate(zip(own, named))]
 
 
 def _positions_beside(programs):

@@ -241,6 +241,9 @@ def test_a_face_that_several_positions_cut_is_judged_by_the_one_that_looks_at_it
     assert {looks(i) for i in kept[1]} == {(0, -1, 0)} and {looks(i) for i in kept[2]} == {(1, 0, 0)}
     assert {looks(i) for i in kept[0]} == {(0, 0, 1), (0, 1, 0), (-1, 0, 0)} | ({(0, 0, -1)} if looks(4) != (0, 0, -1) else set())
     assert kept[3] == [4] and kept[4] == all_six            # each has something to answer for; clampings do not share
+    leaning = [held, turned[1], held.model_copy(update={**as_held, "name": "leans", "wcs_z": (0.6, 0, 0.8), "wcs_x": (0, 1, 0)})]
+    kept = judged_once(3 * [all_six], [s.frame.rotation[:, 2] for s in leaning], [[1, 2], [0, 2], [0, 1]], faces)
+    assert [looks(i) for i in kept[2]] == [(0, 0, 1)] and sorted(kept[0] + kept[1]) == all_six      # best for none: one is enough
 
 
 def test_a_design_whose_first_setup_is_a_position_is_refused():
