@@ -315,7 +315,7 @@ class _Trial:
             plans, their Job, and its verdict as far as it has begun; None: not begun.
         """
         own = [p for p in plans if p.setup.planned_as is None]      # what is wrong with a copy is wrong with what it is copied from
-        job, finish = self.posted(own), self.order.design.finish
+        job, first, finish = self.posted(own), None, self.order.design.finish
         for number in range(1, mending.OWN_ROUNDS + 1 if any(p.is_mended for p in own) else 1):
             first = self.begun(job)
             share = 1.0 - mending.MARGIN
@@ -325,16 +325,14 @@ class _Trial:
             if not is_changed:
                 wants = [mending.wants_between(proof, finish) for proof in first.first.proofs]
                 own, is_changed = mending.mended(own, wants, number, "the planner's own proof between samples")
-            if not is_changed and len(own) == len(plans):
-                return own, job, first
-            first = None                # large: let go before the next is made
             if not is_changed:
                 break
             self.tell(f"planned again, round {number} of the planner's own check")
+            first = None                # large: let go before the next is made
             job = self.posted(own, instead_of=job)
         if len(own) == len(plans):
-            return own, job, None
-        by_name = {p.setup.name: p for p in own}
+            return own, job, first
+        first, by_name = None, {p.setup.name: p for p in own}
         plans = with_copies([by_name.get(p.setup.name, p) for p in plans])
         return plans, self.posted(plans, instead_of=job), None
 

@@ -80,24 +80,25 @@ def signed_distances_mm(points_mm, vertices_mm, triangles):
     return np.asarray(meshes.mesh(1).vertex_scalar_array(), float)
 
 
-def third_view(stock_mm, stock_triangles, mesh, found, axis, allowed_mm, nearest_mm):
+def third_view(stock, mesh, found, axis, allowed_mm, nearest_mm, is_met=False):
     """Hausdorff distances between the simulated stock and the design over the required faces' quiet places.
 
     Quiet: away from rims, walls and what no cutter reaches, by QUIET_SPACINGS of the samples.
 
     Args:
-        stock_mm, stock_triangles: mesh of the stock, part coordinates.
+        stock: mesh of it, vertices (n, 3) and triangles (m, 3), part coordinates.
         mesh: tessellation.Tessellation of the design.
         found: residuals.Residuals of the required faces.   axis: (3,) tool axis.
         allowed_mm: what the finish allows to be left: places that leave less are finished, so that the highest of all
             tops is among them.
         nearest_mm: function points (k, 3) -> (k,) signed distances to everything cut away.  On the flank of a ridge the
             stock is nearer than along the normal: by per cents, where ridges are high beside the ball.
+        is_met: the stock is what several setups leave: some vertices lie where their fields meet, off the exact stock.
     Returns:
         dict: stock_to_design and design_to_stock as `distances` says; first verifier's figures at the same samples;
         mean_residual_mm, max_residual_mm; max_on_stock_mm: the largest of stock_to_design, see `_farthest_on_stock_mm`.
     """
-    s, d = found.samples, found.deviation_mm
+    (stock_mm, stock_triangles), s, d = stock, found.samples, found.deviation_mm
     calm = found.is_for_balls & (np.abs(d) < max(THIN_MM, allowed_mm)) & ~s.is_border & (fixed.matmul(s.normals, axis) > UP)
     chosen = np.flatnonzero((s.weight_mm2 > 0) & calm)
     far_mm = QUIET_SPACINGS * found.spacing_mm
@@ -108,8 +109,8 @@ def third_view(stock_mm, stock_triangles, mesh, found, axis, allowed_mm, nearest
     largest, there = float(np.abs(d[calm]).max(initial=0.0)), distances(vertices, mesh.vertices_mm, mesh.triangles)
     return {"stock_to_design": there, "design_to_stock": distances(s.points_mm[chosen], stock_mm, stock_triangles),
             "mean_residual_mm": float(residual.mean()) if len(chosen) else 0.0, "max_residual_mm": largest,
-            "max_on_stock_mm": there["max_mm"] if there["max_mm"] <= largest else _farthest_on_stock_mm(
-                vertices, mesh, largest, nearest_mm)}
+            "max_on_stock_mm": _farthest_on_stock_mm(vertices, mesh, largest, nearest_mm)
+            if is_met and there["max_mm"] > largest else there["max_mm"]}
 
 
 def _farthest_on_stock_mm(vertices_mm, mesh, over_mm, nearest_mm):

@@ -92,24 +92,19 @@ def over_field(xs_mm, ys_mm, z_mm, bottom_mm, top_mm):
     Args:
         as for `height_field`; top_mm: no stock stands higher.
     """
-    is_low = z_mm < top_mm
+    xs, ys = (np.concatenate([[a[0] - APART_MM], a, [a[-1] + APART_MM]]) for a in (xs_mm, ys_mm))
+    z = np.pad(np.maximum(z_mm, bottom_mm - HAIR_MM), 1, mode="edge")
+    is_low = z < top_mm
     if not is_low.any():
         return None
-    (j0, j1), (i0, i1) = (_about(np.flatnonzero(is_low.any(axis=axis)), z_mm.shape[1 - axis]) for axis in (1, 0))
-    xs, ys = _run_out(xs_mm, i0, i1), _run_out(ys_mm, j0, j1)
-    inside = (np.arange(j0, j1).clip(0, len(ys_mm) - 1)[:, None], np.arange(i0, i1).clip(0, len(xs_mm) - 1))
-    return _between(xs, ys, np.maximum(z_mm[inside], bottom_mm - HAIR_MM), top_mm + APART_MM, "what was taken off")
+    rows, columns = (_about(is_low.any(axis=axis)) for axis in (1, 0))
+    return _between(xs[columns], ys[rows], z[rows, columns], top_mm + APART_MM, "what was taken off")
 
 
-def _about(chosen, count):
-    """(first, behind the last) of a run of nodes about the chosen ones; -1 and count stand for places beyond the grid."""
-    return int(chosen[0]) - 1, min(int(chosen[-1]) + 1, count) + 1
-
-
-def _run_out(lines_mm, first, behind):
-    """Coordinates of a run of grid lines, those beyond the grid APART_MM outside."""
-    beyond = np.concatenate([[lines_mm[0] - APART_MM], lines_mm, [lines_mm[-1] + APART_MM]])
-    return beyond[first + 1:behind + 1]
+def _about(chosen):
+    """Slice that holds all of the chosen (n,) bool, and one more on either side where there is one."""
+    at = np.flatnonzero(chosen)
+    return slice(max(int(at[0]) - 1, 0), int(at[-1]) + 2)
 
 
 def _between(xs_mm, ys_mm, z_mm, plane_mm, name):

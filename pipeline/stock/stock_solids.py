@@ -1,4 +1,4 @@
-"""The stock as closed solids: one height field a clamping over its own grid, intersected where there are several."""
+"""The stock as closed solids: one height field a clamping over its own grid; what several take off is taken off the blank."""
 
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -132,9 +132,10 @@ class StockSolids:
         taken = []
         for k, cut in enumerate(self.piece.cuts):
             field, seen = self.field(k, grown_mm), cut.frame.seen_from(frame)
-            over = field.over if field.is_height_field else None
-            taken += [] if over is None else [solids.moved(over, seen)]
-            solid = solid if field.is_height_field else solids.common([solid, solids.moved(field.solid, seen)])
+            if not field.is_height_field:
+                solid = solids.common([solid, solids.moved(field.solid, seen)])
+            elif (over := field.over) is not None:
+                taken.append(solids.moved(over, seen))
         return solids.less(solid, taken)
 
 

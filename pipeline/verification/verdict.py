@@ -580,10 +580,10 @@ def _mesh_checks(part, c, found, bounds):
     """What `mesh_quality` says of the design's triangles and of the stock against them, and findings."""
     if not mesh_quality.is_installed():
         return {"left_out": mesh_quality.LEFT_OUT}, ()
-    stock, triangles = solids.mesh_of(part.made.stock(PART))
-    view = mesh_quality.third_view(stock, triangles, part.mesh, found, c.program.setup.frame.rotation[:, 2],
-                                   allowed_mm(part.finish), part.piece.cut_distance_mm)
-    size = float(fixed.length(np.ptp(stock, axis=0)))
+    stock = solids.mesh_of(part.made.stock(PART))
+    view = mesh_quality.third_view(stock, part.mesh, found, c.program.setup.frame.rotation[:, 2],
+                                   allowed_mm(part.finish), part.piece.cut_distance_mm, is_met=len(part.piece.cuts) > 1)
+    size = float(fixed.length(np.ptp(stock[0], axis=0)))
     allowed, findings = mesh_quality.compared(view, c.name, tessellation_mm=part.mesh.deviation_mm,
                                               path_mm=bounds["path_mm"], zmap_mm=bounds["zmap_mm"], size_mm=size)
     return {"design": part.mesh_faults, "hausdorff": view, "resolution_mm": mesh_quality.RESOLUTION * size,

@@ -113,7 +113,7 @@ def test_ridges_that_a_coarse_finish_allows_are_finished_places():
     found = SimpleNamespace(samples=samples, deviation_mm=residual, is_for_balls=np.ones(len(points), bool), spacing_mm=0.3)
     design = SimpleNamespace(**dict(zip(("vertices_mm", "triangles"), box((0, 0, 0), (22, 8, 2)))))
     off = lambda allowed_mm: len(compared(mesh_quality.third_view(
-        stock, triangles, design, found, np.array([0, 0, 1.0]), allowed_mm, lambda p: p[:, 2] - 2 - height(p[:, 0])), "setup-1",
+        (stock, triangles), design, found, np.array([0, 0, 1.0]), allowed_mm, lambda p: height(p[:, 0])), "setup-1",
         tessellation_mm=0.001, path_mm=1e-5, zmap_mm=0.02, size_mm=22)[1])
     assert residual[points[:, 0] < 10].max() < mesh_quality.THIN_MM < 0.058 and residual.max() > 0.139
     assert (off(allowed_mm=0.02), off(allowed_mm=0.33)) == (1, 0)
@@ -136,12 +136,10 @@ def test_high_ridges_are_nearer_than_they_are_high():
                             spacing_mm=0.3)
     design = SimpleNamespace(**dict(zip(("vertices_mm", "triangles"), box((0, 0, 0), (22, 8, 2)))))
     off = lambda nearest: len(compared(mesh_quality.third_view(
-        stock, triangles, design, found, np.array([0, 0, 1.0]), 0.086, nearest), "setup-1", tessellation_mm=0.001,
+        (stock, triangles), design, found, np.array([0, 0, 1.0]), 0.086, nearest), "setup-1", tessellation_mm=0.001,
         path_mm=0.0, zmap_mm=2e-5, size_mm=22)[1])
-    on_design = lambda p: np.abs(p[:, 2] - 2) < 1e-9
-    ball = lambda p: np.where(on_design(p), np.sqrt(radius ** 2 + beside(p[:, 0]) ** 2) - radius, 0.0)
-    assert off(ball) == 0
-    assert off(lambda p: np.where(on_design(p), np.inf, 0.0)) == 1
+    assert off(lambda p: np.sqrt(radius ** 2 + beside(p[:, 0]) ** 2) - radius) == 0
+    assert off(lambda p: np.full(len(p), np.inf)) == 1
 
 
 def test_a_vertex_where_two_setups_meet_is_no_place_of_the_stock():
@@ -160,12 +158,12 @@ def test_a_vertex_where_two_setups_meet_is_no_place_of_the_stock():
                             spacing_mm=1.0)
     design = SimpleNamespace(**dict(zip(("vertices_mm", "triangles"), box((0, 0, 0), (22, 8, 2)))))
 
-    def findings(high_lies_off_mm):
+    def findings(high_lies_off_mm, is_met=True):
         nearest = lambda p: np.where(p[:, 2] > 2.015, high_lies_off_mm, p[:, 2] - 2.01)
-        seen = mesh_quality.third_view(stock, triangles, design, found, np.array([0, 0, 1.0]), 0.011, nearest)
+        seen = mesh_quality.third_view((stock, triangles), design, found, np.array([0, 0, 1.0]), 0.011, nearest, is_met)
         return len(compared(seen, "setup-1", tessellation_mm=0.001, path_mm=1e-5, zmap_mm=0.001, size_mm=22)[1])
 
-    assert (findings(0.0), findings(0.015)) == (1, 0)
+    assert (findings(0.0), findings(0.015), findings(0.015, is_met=False)) == (1, 0, 1)      # of one setup it is a fault
 
 
 def test_the_coloured_mesh_is_the_same_every_time(tmp_path):

@@ -57,6 +57,26 @@ def straight(y, z=10.0, missing=None):
     return [*moves, feed(18, y, z), rapid(18, y, 14)]
 
 
+def test_no_middle_is_asked_twice_however_many_cuts_look():
+    """The first proves all but some cells, which the others, made elsewhere, give back whole."""
+    piece = cut([move for y in YS for move in straight(y, missing=[(3, 4)] if y == YS[6] else None)])
+    far = piece
+    for y in (-60.0, 60.0):
+        far = cut(straight(y), piece=far)
+    asked = []
+
+    def deviation(points, normals):
+        asked.append(points)
+        return far.deviations(points, normals, 2.0)[0]
+
+    of = lambda cuts: prove_excess(Ground.of_faces(TOP), cuts, 0.0, ALLOWED, deviation, lambda p, n, face: np.ones(len(p), bool))
+    found = of(far.cuts)
+    places = np.concatenate(asked)
+    assert len(places) > 100 and len(np.unique(places, axis=0)) == len(places)
+    alone = of(piece.cuts)
+    assert found.height_mm == alone.height_mm and len(found.higher_mm) >= len(alone.higher_mm) > 0
+
+
 def dense_mm(piece, face, count=(500, 500)):
     """Largest deviation on a dense grid inside a face."""
     ground = Ground.of_faces([face])
