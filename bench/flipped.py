@@ -47,7 +47,7 @@ def measure(parameters=(*SMALL, "profile_tolerance_mm=0.0025", "sides=flipped"))
 
 def motion(parameters):
     """[(what, number, unit)] of how far the second side's cuts are off on blade 1, by the rigid motion alone."""
-    cutting._ways = lambda design, p, balls, clampings: [[np.array(c.z)] for c in clampings]       # directions take a minute
+    cutting._ways = lambda design, p, balls, clampings, *of: [[np.array(c.z)] for c in clampings]    # directions take a minute
     design = make_design(find_design("dtmb_4119"), [*parameters, "blades_cut=one", "sides=flipped"])
     setup = next(s for s in design.setups if s.markers)
     faces = brep.faces_of(brep.the_solid(design.solid, "propeller"))

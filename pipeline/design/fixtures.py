@@ -106,6 +106,10 @@ def placed_fixtures(setup, frame):
     Args:
         setup: design.Setup.   frame: from which they are seen; it is given from the part.
     """
-    base = {"part": HERE, "table": setup.clamped_frame}
-    return tuple(Placed(name=f.name, shape=f.shape, view=frame.seen_from(base[f.on]).seen_from(f.own_frame))
-                 for f in setup.fixtures)
+    return placed(setup.fixtures, setup.clamped_frame, frame)
+
+
+def placed(fixtures, held, frame):
+    """The same of fixtures in a clamping whose WCS, seen from the part, is `held`."""
+    base = {"part": HERE, "table": held}
+    return tuple(Placed(name=f.name, shape=f.shape, view=frame.seen_from(base[f.on]).seen_from(f.own_frame)) for f in fixtures)

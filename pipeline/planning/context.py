@@ -5,6 +5,7 @@ from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import takewhile
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from cuspline.planning.finishing_chain import FinishingWork
 from cuspline.planning.plating import in_metal, library_within_skin
 from cuspline.planning.standing_stock import standing_tree
 from cuspline.planning.tool_depth import (
+    HOLDER_CLEARANCE_MM,
     ShortToolDropper,
     clear_tips_mm,
     is_clear_above,
@@ -26,11 +28,12 @@ from cuspline.planning.tool_depth import (
 )
 from cuspline.program.program import UPRIGHT, Kind, Moves
 from cuspline.replay.clearance import ClearanceTree
-from cuspline.replay.machine_bodies import round_the_spindle
+from cuspline.replay.machine_bodies import bodies_at, joined, round_the_spindle
 from cuspline.shop.cutters import Tool
 from cuspline.shop.materials import material_named
 from cuspline.shop.practice import ShopFile
 from cuspline.shop.presets import preset_of
+from cuspline.shop.rotary_way import shortest_way
 from cuspline.stock.workpiece import Workpiece
 from cuspline.surfaces.curvature import sample_faces, tightest_hollow
 from cuspline.surfaces.patches import PatchSet
@@ -355,7 +358,13 @@ class PlanningContext:
         return self.once("box of the part", lambda: brep.bounding_box_mm(self.solid))
 
     def _is_clear_above_all(self, tool, lowest_mm, standing_mm):
-        """Whether a tool with its tip so low keeps clear above the highest place of the part; mostly the triangles say it."""
+        """Whether a tool with its tip so low keeps clear above the highest place of the part, and of what holds it.
+
+        Mostly triangles say it.
+        """
+        if self._held_by is not None and not is_clear_above(tool, lowest_mm, float(self._held_by.corners_mm[:, :, 2].max()), 0.0,
+                                                            HOLDER_CLEARANCE_MM):
+            return False
         top = float(self.triangles.vertices_mm[:, 2].max())         # on the faces: none of these is lower
         clear = [is_clear_above(tool, lowest_mm, high, standing_mm) for high in (top, top + OFF_MM)]
         return clear[0] if clear[0] == clear[1] else is_clear_above(tool, lowest_mm, float(self.box[1][2]), standing_mm)
@@ -409,20 +418,24 @@ class PlanningContext:
             return dropper
 
         def lowest_mm(xy_mm, tips_mm):
-            for mesh, standing_mm in self.beside_tools:
-                tips_mm = clear_tips_mm(tool, mesh, xy_mm, standing_mm, tips_mm)
+            for mesh, standing_mm, cutter_mm in self.beside_tools:
+                tips_mm = clear_tips_mm(tool, mesh, xy_mm, standing_mm, tips_mm, cutter_mm)
             return tips_mm
 
         return ShortToolDropper(dropper, lowest_mm)
 
     @property
     def beside_tools(self):
-        """[(DropMesh, mm)]: what necks, shanks and holders must clear, and the most that stands on it.
+        """[(DropMesh, mm, mm or None)]: what necks, shanks and holders must clear, the most that stands on it, and how far cutters
+        stay off, which may touch where it is None.
 
-        On the part what roughing leaves; on faces of a casting that the setup does not cut its skin.
+        On the part what roughing leaves; on faces of a casting that no setup has cut so far its skin; in an indexed position
+        fixtures and the machine's tables as they are.
         """
-        part = [(self.mesh, self.practice.rough_allowance_mm)]
-        return part if self._skin_mm is None or self._uncut is None else [*part, (self._uncut, self._skin_mm)]
+        found = [(self.mesh, self.practice.rough_allowance_mm, None)]
+        if self._skin_mm is not None and self._uncut is not None:
+            found.append((self._uncut, self._skin_mm, None))
+        return found if self._held_by is None else [*found, (self._held_by, 0.0, HOLDER_CLEARANCE_MM)]
 
     @property
     def _skin_mm(self):
@@ -431,25 +444,43 @@ class PlanningContext:
 
     @property
     def _uncut(self):
-        """DropMesh of the faces that the setup does not cut; None: it cuts all."""
+        """DropMesh of the faces that no setup has cut so far, nor does this one; None: there are none."""
         def made():
-            faces = self._faces_of_part
-            cut = brep.indices_of(faces, brep.named_faces(faces, self.design.predicates, self.setup.faces))
+            faces, setups = self._faces_of_part, self.design.setups
+            so_far = [*takewhile(lambda s: s.name != self.setup.name, setups), self.setup]
+            names = tuple(dict.fromkeys(name for s in so_far for name in s.faces))
+            cut = brep.indices_of(faces, brep.named_faces(faces, self.design.predicates, names))
             rows = ~np.isin(self.triangles.face_of_triangle, cut)
             return DropMesh.from_triangles(self.triangles.vertices_mm, self.triangles.triangles[rows]) if rows.any() else None
 
         return self.once("uncut", made)
 
+    @property
+    def _held_by(self):
+        """DropMesh of fixtures and what of the machine turns with the part or carries it, in an indexed position; None: nothing."""
+        machine, setup = self.machine, self.setup
+
+        def made():
+            if setup.clamped_x is None or not machine.rotaries:
+                return None
+            turned = shortest_way(machine.kinematics, setup.clamped_frame.turn_into(np.array([setup.wcs_z]))).angles[0]
+            found = joined([*(f.mesh for f in self.fixtures),
+                            *((b.vertices_mm, b.triangles) for b in
+                              bodies_at(machine, np.degrees(turned), setup.turn, setup.clamped_frame))])
+            return None if found is None else DropMesh.from_triangles(*found)
+
+        return self.once("held by", made)
+
     def missing_mm(self, tool, tips_mm, more_mm=0.0):
         """(n,) stick-out that a tool lacks at tips (n, 3), see tool_depth; `more_mm`: that stands on all of it besides."""
         missing = 0.0
-        for mesh, standing_mm in self.beside_tools:
-            missing = missing_stick_outs_mm(tool, tips_mm, mesh, standing_mm + more_mm, missing)
+        for mesh, standing_mm, cutter_mm in self.beside_tools:
+            missing = missing_stick_outs_mm(tool, tips_mm, mesh, standing_mm + more_mm, missing, cutter_mm)
         return missing
 
     def most_missing_mm(self, tool, tips_mm):
         """The most of these, mm."""
-        return max(missing_stick_out_mm(tool, tips_mm, mesh, standing_mm) for mesh, standing_mm in self.beside_tools)
+        return max(missing_stick_out_mm(tool, tips_mm, *beside) for beside in self.beside_tools)
 
     def _is_short(self, tool):
         """Whether a holder or shank would touch the part where its cutter touches the faces of the operation."""

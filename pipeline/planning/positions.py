@@ -1,20 +1,21 @@
 """Which indexed positions see what of some faces: fewest directions from which a ball of the shop finishes most of them.
 
 A place is seen from a direction where its normal leans no more than a limit from it, a ball touches it without meeting the part
-anywhere else, holder, shank and spindle keep clear, of the machine's tables too, and the machine can turn there.  Fixtures are
-the simulation's business.  Directions are taken greedily, the one that adds most area first.
+anywhere else, holder, shank and spindle keep clear, the whole tool of the machine's tables and the fixtures too, and the machine
+can turn there.  Directions are taken greedily, the one that adds most area first.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cuspline.design.fixtures import placed
 from cuspline.kernel import brep
 from cuspline.planning.context import MESH_DEFLECTION_MM
 from cuspline.planning.cutter_choice import TOUCH_MM
-from cuspline.planning.tool_depth import CLEARANCES_MM
+from cuspline.planning.tool_depth import CLEARANCES_MM, HOLDER_CLEARANCE_MM
 from cuspline.replay.clearance import ClearanceTree
-from cuspline.replay.machine_bodies import bodies_at, round_the_spindle
+from cuspline.replay.machine_bodies import bodies_at, joined, round_the_spindle
 from cuspline.shop.rotary_way import shortest_way
 from cuspline.surfaces.curvature import sample_faces
 from cuspline.toolpaths.five_axis.clear_axes import AxisSearch
@@ -122,22 +123,21 @@ class Held:
     machine: object             # Machine
     frame: Frame                # of the clamping's WCS, seen from the part
     ways: np.ndarray            # (n, 3) unit directions, part coordinates, that it turns to
+    fixtures: tuple = ()        # of design.fixtures
 
     @classmethod
-    def on(cls, machine, frame):
+    def on(cls, machine, frame, fixtures=()):
         """All directions that the machine turns to."""
-        return cls(machine=machine, frame=frame, ways=turnable(directions(), machine.kinematics, frame))
+        return cls(machine=machine, frame=frame, ways=turnable(directions(), machine.kinematics, frame), fixtures=fixtures)
 
-    def tables_from(self, way):
-        """ClearanceTree of what turns with the part or carries it, part coordinates, where the tool stands along a direction (3,)
-        that the machine turns to; None: nothing does."""
+    def beside_from(self, way):
+        """ClearanceTree of fixtures and what turns with the part or carries it, part coordinates, where the tool stands along a
+        direction (3,) that the machine turns to; None: there is nothing."""
         turned = shortest_way(self.machine.kinematics, self.frame.turn_into(way[None])).angles[0]
-        found = bodies_at(self.machine, np.degrees(turned), AS_IT_LIES, self.frame)
-        if not found:
-            return None
-        begins = np.cumsum([0, *(len(f.vertices_mm) for f in found)])
-        return ClearanceTree.of_triangles(np.vstack([f.vertices_mm for f in found]),
-                                          np.vstack([f.triangles + first for f, first in zip(found, begins)]))
+        bodies = bodies_at(self.machine, np.degrees(turned), AS_IT_LIES, self.frame)
+        found = joined([*(f.mesh for f in placed(self.fixtures, self.frame, AS_IT_LIES)),
+                        *((b.vertices_mm, b.triangles) for b in bodies)])
+        return None if found is None else ClearanceTree.of_triangles(*found)
 
 
 def directions(apart_deg=RING_DEG):
@@ -194,6 +194,7 @@ class _Ball:
     """A ball on its tool, where it touches the places that are looked at."""
 
     search: AxisSearch
+    beside: AxisSearch          # of what holds the part, which flutes do not touch either
     middles_mm: np.ndarray      # (n, 3)
     fits: np.ndarray            # (n,) bool: the ball alone meets the part nowhere else
 
@@ -202,16 +203,21 @@ class _Ball:
         radius = tool.cutter.radius_mm
         middles = samples.point_mm + radius * samples.normal
         away = tree.distances_mm(BALL_MIDDLE, middles, np.broadcast_to(UP, middles.shape), TOUCH_MM / 10)
-        return cls(AxisSearch.of_tool(tree, tool, into_mm=TOUCH_MM, keep_mm=standing_mm + CLEARANCES_MM),
-                   middles, away >= radius - TOUCH_MM)
+        searches = (AxisSearch.of_tool(tree, tool, into_mm=into, keep_mm=standing_mm + CLEARANCES_MM)
+                    for into in (TOUCH_MM, -HOLDER_CLEARANCE_MM))
+        return cls(*searches, middles, away >= radius - TOUCH_MM)
 
     def seen_from(self, way, is_gentle, beside=None):
         """(n,) bool: which of places (n,) that lean little enough it finishes with its tool along a direction (3,).
 
-        `beside` is a ClearanceTree of more that is in the way.
+        `beside` is a ClearanceTree of what holds the part.
         """
         is_seen = is_gentle & self.fits
-        for search in (self.search, *(() if beside is None else (replace(self.search, tree=beside),))):
+        if beside is not None:
+            middles = self.middles_mm[is_seen]
+            away = beside.distances_mm(BALL_MIDDLE, middles, np.broadcast_to(UP, middles.shape), TOUCH_MM / 10)
+            is_seen[is_seen] = away >= self.search.radius_mm + HOLDER_CLEARANCE_MM
+        for search in (self.search, *(() if beside is None else (replace(self.beside, tree=beside),))):
             middles = self.middles_mm[is_seen]
             is_seen[is_seen] = search.is_clear(middles, np.broadcast_to(way, middles.shape))
         return is_seen
@@ -237,8 +243,8 @@ class _Look:
             gentle = fixed.matmul(self.samples.normal, way) >= steep
             gentle = gentle if wanted is None else gentle & wanted
             if gentle.any():
-                tables = None if held is None else held.tables_from(way)
-                found[k] = [ball.seen_from(way, gentle, tables) for ball in self.on_tools]
+                beside = None if held is None else held.beside_from(way)
+                found[k] = [ball.seen_from(way, gentle, beside) for ball in self.on_tools]
         return found
 
     def chosen(self, candidates, left, steepest_deg, least_mm2):

@@ -23,48 +23,48 @@ ROUNDING_MM = 1e-9          # heights that differ by less are the same
 SOME = 16                   # every so many-th place is looked at first: the rest seldom shows more
 
 
-def clear_tips_mm(tool, mesh, xy_mm, stock_mm, least_mm=-np.inf):
+def clear_tips_mm(tool, mesh, xy_mm, stock_mm, least_mm=-np.inf, cutter_mm=None):
     """(n,) lowest tips over places (n, 2) at which holder and shank keep clear.
 
     Args:
         tool: Tool.
-        mesh: DropMesh of the part.
+        mesh: DropMesh of the part, or of what stands beside it.
         stock_mm: thickness of the material that may still stand on the part.
         least_mm: one or (n,): tips below it do not count, it stands for them; -inf where nothing is in their way.
+        cutter_mm: that the cutter itself must keep clear; None: it may touch.
     """
     lowest = np.array(np.broadcast_to(np.asarray(least_mm, float), (len(xy_mm),)))
-    for z0, radius, clearance in _wide_frusta(tool, stock_mm):
-        higher = is_held_above(mesh, xy_mm, radius + clearance, 0.0, lowest + z0 - clearance)
-        tips = drop_tips_mm(mesh, xy_mm[higher], radius + clearance, 0.0) + clearance - z0
+    for z0, radius, corner, clearance in _rims(tool, stock_mm, cutter_mm):
+        higher = is_held_above(mesh, xy_mm, radius, corner, lowest + z0 - clearance)
+        tips = drop_tips_mm(mesh, xy_mm[higher], radius, corner) + clearance - z0
         lowest[higher] = np.maximum(lowest[higher], tips)
     return lowest
 
 
-def is_clear_above(tool, lowest_tip_mm, top_mm, stock_mm):
+def is_clear_above(tool, lowest_tip_mm, top_mm, stock_mm, cutter_mm=None):
     """Whether holder and shank stay over the highest place of the part wherever the tip goes."""
-    return all(lowest_tip_mm + z0 >= top_mm + clearance for z0, _, clearance in _wide_frusta(tool, stock_mm))
+    return all(lowest_tip_mm + z0 >= top_mm + clearance for z0, _, _, clearance in _rims(tool, stock_mm, cutter_mm))
 
 
-def missing_stick_out_mm(tool, tips_mm, mesh, stock_mm):
+def missing_stick_out_mm(tool, tips_mm, mesh, stock_mm, cutter_mm=None):
     """How much deeper the holder and shank would have to clear; 0 where everything is clear.
 
     Args:
         tool: Tool.
         tips_mm: (n, 3) tip positions it must reach.
-        mesh: DropMesh of the part.
-        stock_mm: thickness of the material that may still stand on the part.
+        mesh, stock_mm, cutter_mm: see `clear_tips_mm`.
     """
-    least = missing_stick_outs_mm(tool, tips_mm[::SOME], mesh, stock_mm).max(initial=0.0)
-    return float(missing_stick_outs_mm(tool, tips_mm, mesh, stock_mm, least).max(initial=0.0))
+    least = missing_stick_outs_mm(tool, tips_mm[::SOME], mesh, stock_mm, 0.0, cutter_mm).max(initial=0.0)
+    return float(missing_stick_outs_mm(tool, tips_mm, mesh, stock_mm, least, cutter_mm).max(initial=0.0))
 
 
-def missing_stick_outs_mm(tool, tips_mm, mesh, stock_mm, least_mm=0.0):
+def missing_stick_outs_mm(tool, tips_mm, mesh, stock_mm, least_mm=0.0, cutter_mm=None):
     """(n,) how much deeper holder and shank would have to clear at each tip position; `least_mm`, one or (n,), where no more."""
     worst = np.full(len(tips_mm), least_mm)
-    for z0, r, clearance in _wide_frusta(tool, stock_mm):
-        radius, bottom = r + clearance, tips_mm[:, 2] + z0
-        more = is_held_above(mesh, tips_mm[:, :2], radius, 0.0, bottom - clearance + worst - ROUNDING_MM)
-        below = drop_tips_mm(mesh, tips_mm[more, :2], radius, 0.0)
+    for z0, radius, corner, clearance in _rims(tool, stock_mm, cutter_mm):
+        bottom = tips_mm[:, 2] + z0
+        more = is_held_above(mesh, tips_mm[:, :2], radius, corner, bottom - clearance + worst - ROUNDING_MM)
+        below = drop_tips_mm(mesh, tips_mm[more, :2], radius, corner)
         worst[more] = np.maximum(worst[more], below + clearance - bottom[more])
     return worst
 
@@ -75,13 +75,18 @@ def too_short(tool, missing_mm):
     return f"{missing_mm:.2f} mm too short, neck, shank or holder would touch ({lengths})"
 
 
-def _wide_frusta(tool, stock_mm):
-    """(z0, radius, clearance) of neck, shank and holder where they are wider than the cutter that goes before them."""
+def _rims(tool, stock_mm, cutter_mm=None):
+    """(z0, radius, corner radius, clearance) of neck, shank and holder where they are wider than the cutter that goes before
+    them, and of the cutter where that must keep clear too; radii as grown by the clearance."""
+    cutter = tool.cutter
+    if cutter_mm is not None:
+        corner = cutter.corner_radius_mm if cutter.largest_radius_mm == cutter.radius_mm else 0.0
+        yield 0.0, cutter.largest_radius_mm + cutter_mm, corner + cutter_mm if corner else 0.0, cutter_mm
     for frustum in tool.non_cutting_frusta():
         clearance = stock_mm + (HOLDER_CLEARANCE_MM if frustum[0] >= tool.stick_out_mm - 1e-9 else SHANK_CLEARANCE_MM)
         for z0, radius in cylinders_of(*frustum):
-            if radius + clearance > tool.cutter.radius_mm:
-                yield z0, radius, clearance
+            if radius + clearance > cutter.radius_mm:
+                yield z0, radius + clearance, 0.0, clearance
 
 
 class ShortToolDropper(Dropper):

@@ -50,6 +50,14 @@ def bodies_at(machine, rotary_deg, frame, held):
     return tuple(found)
 
 
+def joined(meshes):
+    """One of meshes ((v, 3) vertices, (t, 3) triangles); None: there are none."""
+    if not meshes:
+        return None
+    begins = np.cumsum([0, *(len(vertices) for vertices, _ in meshes)])
+    return np.vstack([v for v, _ in meshes]), np.vstack([triangles + first for (_, triangles), first in zip(meshes, begins)])
+
+
 def round_the_spindle(machine):
     """((z0, r0, z1, r1), ...) cylinders round the spindle's axis that hold all that moves with the tool, mm above the gauge line.
 

@@ -13,7 +13,7 @@ from cuspline.design.stock import settled
 from cuspline.kernel import brep
 from cuspline.planning.clean_up import _chained, _fall_together, clean_up, squarely_touched
 from cuspline.planning.context import MADE_AGAIN, PlanningContext
-from cuspline.planning.tool_depth import SHANK_CLEARANCE_MM, is_clear_above
+from cuspline.planning.tool_depth import HOLDER_CLEARANCE_MM, SHANK_CLEARANCE_MM, is_clear_above
 from cuspline.shop.practice import Practice
 from cuspline.toolpaths.drop.dropcutter import drop_tips_mm
 
@@ -60,13 +60,39 @@ def test_a_tool_keeps_clear_of_the_skin_of_a_casting_on_faces_that_its_setup_doe
     skin = settled(StockSkin(skin_mm=0.9), brep.the_solid(context.design.solid), Practice())
     work = PlanningContext(replace(context.design, stock=skin), context.setup, context.machine, context.library)
     roughed = Practice().rough_allowance_mm
-    (_, on_part), (_, beside) = work.beside_tools
-    assert [standing for _, standing in context.beside_tools] == [on_part] == [roughed] and beside == skin.thickest_mm >= 0.9
+    (_, on_part, _), (_, beside, _) = work.beside_tools
+    assert [standing for _, standing, _ in context.beside_tools] == [on_part] == [roughed] and beside == skin.thickest_mm >= 0.9
     ball = next(t for t in work.library.of_type("ball") if t.cutter.radius_mm == RADIUS_MM)
     tip = np.array([[8.0, 0.0, HIGH_MM - 0.5 - ball.non_cutting_frusta()[0, 0]]])
     assert context.missing_mm(ball, tip) == [0.0]
     assert work.missing_mm(ball, tip) == pytest.approx([0.5 + SHANK_CLEARANCE_MM + beside], abs=1e-9)
     assert work.missing_mm(ball, tip, 0.2) == pytest.approx([0.5 + SHANK_CLEARANCE_MM + beside + 0.2], abs=1e-9)
+
+
+def test_faces_that_an_earlier_setup_has_cut_have_no_skin_any_more(context):
+    """The top is cut before the groove: what is left as cast is the rest."""
+    before = Setup(name="before", faces=("top",), wcs_in_words="")
+    skin = settled(StockSkin(skin_mm=0.9), brep.the_solid(context.design.solid), Practice())
+    predicates = (*context.design.predicates, FacePredicate(name="top", count=2, kinds=("plane",), normal=(0, 0, 1)))
+    heights = []
+    for setups in ((before, context.setup), (context.setup, before)):
+        design = replace(context.design, stock=skin, predicates=predicates, setups=setups)
+        _, (as_cast, _, _) = PlanningContext(design, context.setup, context.machine, context.library).beside_tools
+        heights.append([float(triangle[:, 2].max()) for triangle in as_cast.corners_mm if np.ptp(triangle[:, 2]) < 1e-9])
+    assert [max(found) for found in heights] == pytest.approx([0.0, HIGH_MM], abs=1e-9)
+
+
+@pytest.mark.parametrize("x_mm, is_over_it", [(-200.0, True), (-180.0, False)])
+def test_the_spindle_keeps_clear_of_the_table_that_stands_beside_an_indexed_position(context, x_mm, is_over_it):
+    """Table of mill_a_on_b: 160 mm round X, its face 280 mm before zero; spindle: 90 mm round its axis, 40 above the nose."""
+    beside = context.setup.model_copy(update={"indexed": True, "clamped_x": (1, 0, 0), "clamped_z": (0, 0, 1)})
+    mill = catalogue.find_machine("mill_a_on_b")
+    works = [PlanningContext(replace(context.design, setups=(s,)), s, mill, context.library) for s in (beside, context.setup)]
+    ball = next(t for t in works[0].library.of_type("ball") if t.cutter.radius_mm == RADIUS_MM)
+    tip = np.array([[x_mm, 0.0, HIGH_MM]])
+    lower = 160.0 + HOLDER_CLEARANCE_MM - (HIGH_MM + ball.length_mm + 40.0)
+    assert lower > 0 and works[1].missing_mm(ball, tip) == [0.0]
+    assert works[0].missing_mm(ball, tip) == pytest.approx([lower if is_over_it else 0.0], abs=0.02)
 
 
 @pytest.mark.parametrize("out_mm, is_touched", [(0.0, True), (0.004, True), (0.012, False)])
