@@ -94,7 +94,7 @@ def cut(design, made, p):
         setups += [_position(clamping, f"markers-{j + 1}", TIP_1, way, (Dimples(markers=touched, tool=balls[-1].number),))
                    for j, (way, touched) in enumerate(clamping.dimples)]
         setups += _copies("blade", clamping, ways, order, count, lambda k, side=clamping.side: _blade_names(k, side), balls)
-    if p.hub_cut:                               # its skin stands till the blades are cut, and theirs no more then
+    if p.hub_cut:                               # its skin stands till the blades are cut
         (clamping,), (ways,) = clampings, _ways(design, p, balls, clampings, _hub_names(1), "the hub beside blade 1")
         setups += _copies("hub", clamping, ways, order, count, _hub_names, balls)
     with_it = "its fillet" if len(order) == 1 else "their fillets"

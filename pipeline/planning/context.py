@@ -5,7 +5,6 @@ from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import takewhile
 
 import numpy as np
 
@@ -429,7 +428,7 @@ class PlanningContext:
         """[(DropMesh, mm, mm or None)]: what necks, shanks and holders must clear, the most that stands on it, and how far cutters
         stay off, which may touch where it is None.
 
-        On the part what roughing leaves; on faces of a casting that no setup has cut so far its skin; in an indexed position
+        On the part what roughing leaves; on faces of a casting that the setup does not cut its skin; in an indexed position its
         fixtures and the machine's tables as they are.
         """
         found = [(self.mesh, self.practice.rough_allowance_mm, None)]
@@ -444,12 +443,10 @@ class PlanningContext:
 
     @property
     def _uncut(self):
-        """DropMesh of the faces that no setup has cut so far, nor does this one; None: there are none."""
+        """DropMesh of the faces that the setup does not cut; None: it cuts all."""
         def made():
-            faces, setups = self._faces_of_part, self.design.setups
-            so_far = [*takewhile(lambda s: s.name != self.setup.name, setups), self.setup]
-            names = tuple(dict.fromkeys(name for s in so_far for name in s.faces))
-            cut = brep.indices_of(faces, brep.named_faces(faces, self.design.predicates, names))
+            faces = self._faces_of_part
+            cut = brep.indices_of(faces, brep.named_faces(faces, self.design.predicates, self.setup.faces))
             rows = ~np.isin(self.triangles.face_of_triangle, cut)
             return DropMesh.from_triangles(self.triangles.vertices_mm, self.triangles.triangles[rows]) if rows.any() else None
 

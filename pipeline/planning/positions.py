@@ -2,7 +2,7 @@
 
 A place is seen from a direction where its normal leans no more than a limit from it, a ball touches it without meeting the part
 anywhere else, holder, shank and spindle keep clear, the whole tool of the machine's tables and the fixtures too, and the machine
-can turn there.  Directions are taken greedily, the one that adds most area first.
+can turn there and go to all that is seen.  Directions are taken greedily, the one that adds most area first.
 """
 
 from dataclasses import dataclass, replace
@@ -16,6 +16,7 @@ from cuspline.planning.cutter_choice import TOUCH_MM
 from cuspline.planning.tool_depth import CLEARANCES_MM, HOLDER_CLEARANCE_MM
 from cuspline.replay.clearance import ClearanceTree
 from cuspline.replay.machine_bodies import bodies_at, joined, round_the_spindle
+from cuspline.shop.kinematics import LINEARS
 from cuspline.shop.rotary_way import shortest_way
 from cuspline.surfaces.curvature import sample_faces
 from cuspline.toolpaths.five_axis.clear_axes import AxisSearch
@@ -34,6 +35,7 @@ NEARLY = 1e-9               # of a cosine: a place on the border counts
 BALL_MIDDLE = np.zeros((1, 5))      # as a segment of replay/clearance.py
 UP = (0.0, 0.0, 1.0)
 AS_IT_LIES = Frame.of_axes(np.zeros(3), (1, 0, 0), (0, 0, 1))
+ENDS_MM = 5.0               # of X, Y and Z, that paths keep from: they go a little beyond the places that are looked at
 UNIT_DECIMALS = 11          # of directions: unit vectors as a setup takes them
 
 
@@ -130,11 +132,20 @@ class Held:
         """All directions that the machine turns to."""
         return cls(machine=machine, frame=frame, ways=turnable(directions(), machine.kinematics, frame), fixtures=fixtures)
 
+    def goes_to(self, way, tips_mm, length_mm):
+        """Whether X, Y and Z reach all tips (n, 3), part coordinates, of a tool along a direction (3,), ENDS_MM to spare."""
+        chain, tips = self.machine.kinematics, self.frame.into(tips_mm) + self.machine.wcs_origin_mm
+        linear = slice(0, LINEARS)
+        joints = chain.placed(tips, np.tile(self._turned_to(way), (len(tips), 1)), length_mm)[:, linear]
+        return bool(((joints >= chain.low[linear] + ENDS_MM) & (joints <= chain.high[linear] - ENDS_MM)).all())
+
+    def _turned_to(self, way):
+        return shortest_way(self.machine.kinematics, self.frame.turn_into(way[None])).angles[0]
+
     def beside_from(self, way):
         """ClearanceTree of fixtures and what turns with the part or carries it, part coordinates, where the tool stands along a
         direction (3,) that the machine turns to; None: there is nothing."""
-        turned = shortest_way(self.machine.kinematics, self.frame.turn_into(way[None])).angles[0]
-        bodies = bodies_at(self.machine, np.degrees(turned), AS_IT_LIES, self.frame)
+        bodies = bodies_at(self.machine, np.degrees(self._turned_to(way)), AS_IT_LIES, self.frame)
         found = joined([*(f.mesh for f in placed(self.fixtures, self.frame, AS_IT_LIES)),
                         *((b.vertices_mm, b.triangles) for b in bodies)])
         return None if found is None else ClearanceTree.of_triangles(*found)
@@ -195,6 +206,7 @@ class _Ball:
 
     search: AxisSearch
     beside: AxisSearch          # of what holds the part, which flutes do not touch either
+    length_mm: float
     middles_mm: np.ndarray      # (n, 3)
     fits: np.ndarray            # (n,) bool: the ball alone meets the part nowhere else
 
@@ -205,7 +217,11 @@ class _Ball:
         away = tree.distances_mm(BALL_MIDDLE, middles, np.broadcast_to(UP, middles.shape), TOUCH_MM / 10)
         searches = (AxisSearch.of_tool(tree, tool, into_mm=into, keep_mm=standing_mm + CLEARANCES_MM)
                     for into in (TOUCH_MM, -HOLDER_CLEARANCE_MM))
-        return cls(*searches, middles, away >= radius - TOUCH_MM)
+        return cls(*searches, tool.length_mm, middles, away >= radius - TOUCH_MM)
+
+    def tips_mm(self, way, rows):
+        """(k, 3) with its tool along a direction (3,), at some of the places."""
+        return self.middles_mm[rows] - self.search.radius_mm * way
 
     def seen_from(self, way, is_gentle, beside=None):
         """(n,) bool: which of places (n,) that lean little enough it finishes with its tool along a direction (3,).
@@ -245,6 +261,9 @@ class _Look:
             if gentle.any():
                 beside = None if held is None else held.beside_from(way)
                 found[k] = [ball.seen_from(way, gentle, beside) for ball in self.on_tools]
+                if held is not None and not all(held.goes_to(way, ball.tips_mm(way, seen), ball.length_mm)
+                                                for ball, seen in zip(self.on_tools, found[k])):
+                    found[k] = False
         return found
 
     def chosen(self, candidates, left, steepest_deg, least_mm2):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cuspline.app import catalogue
-from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox, StockSkin
+from cuspline.design import Design, FacePredicate, Finish, FixtureCylinder, Parameters, Setup, StockBox, StockSkin
 from cuspline.design.stock import settled
 from cuspline.kernel import brep
 from cuspline.planning.clean_up import _chained, _fall_together, clean_up, squarely_touched
@@ -69,19 +69,6 @@ def test_a_tool_keeps_clear_of_the_skin_of_a_casting_on_faces_that_its_setup_doe
     assert work.missing_mm(ball, tip, 0.2) == pytest.approx([0.5 + SHANK_CLEARANCE_MM + beside + 0.2], abs=1e-9)
 
 
-def test_faces_that_an_earlier_setup_has_cut_have_no_skin_any_more(context):
-    """The top is cut before the groove: what is left as cast is the rest."""
-    before = Setup(name="before", faces=("top",), wcs_in_words="")
-    skin = settled(StockSkin(skin_mm=0.9), brep.the_solid(context.design.solid), Practice())
-    predicates = (*context.design.predicates, FacePredicate(name="top", count=2, kinds=("plane",), normal=(0, 0, 1)))
-    heights = []
-    for setups in ((before, context.setup), (context.setup, before)):
-        design = replace(context.design, stock=skin, predicates=predicates, setups=setups)
-        _, (as_cast, _, _) = PlanningContext(design, context.setup, context.machine, context.library).beside_tools
-        heights.append([float(triangle[:, 2].max()) for triangle in as_cast.corners_mm if np.ptp(triangle[:, 2]) < 1e-9])
-    assert [max(found) for found in heights] == pytest.approx([0.0, HIGH_MM], abs=1e-9)
-
-
 @pytest.mark.parametrize("x_mm, is_over_it", [(-200.0, True), (-180.0, False)])
 def test_the_spindle_keeps_clear_of_the_table_that_stands_beside_an_indexed_position(context, x_mm, is_over_it):
     """Table of mill_a_on_b: 160 mm round X, its face 280 mm before zero; spindle: 90 mm round its axis, 40 above the nose."""
@@ -93,6 +80,20 @@ def test_the_spindle_keeps_clear_of_the_table_that_stands_beside_an_indexed_posi
     lower = 160.0 + HOLDER_CLEARANCE_MM - (HIGH_MM + ball.length_mm + 40.0)
     assert lower > 0 and works[1].missing_mm(ball, tip) == [0.0]
     assert works[0].missing_mm(ball, tip) == pytest.approx([lower if is_over_it else 0.0], abs=0.02)
+
+
+def test_a_cutter_stays_a_millimetre_off_the_fixtures_of_an_indexed_position(context):
+    """A post 4 mm over the top: beside it the ball's side, over it the ball's tip, as far as a sphere that is 1 mm larger goes."""
+    post = FixtureCylinder(name="post", from_mm=(8.0, 0.0, 0.0), to_mm=(8.0, 0.0, HIGH_MM + 4.0), diameter_mm=4.0)
+    beside = context.setup.model_copy(update={"indexed": True, "clamped_x": (1, 0, 0), "clamped_z": (0, 0, 1), "fixtures": (post,)})
+    mill = catalogue.find_machine("mill_a_on_b")
+    work = PlanningContext(replace(context.design, setups=(beside,)), beside, mill, context.library)
+    ball = next(t for t in work.library.of_type("ball") if t.cutter.radius_mm == RADIUS_MM)
+    grown = RADIUS_MM + HOLDER_CLEARANCE_MM
+    off = np.array([0.0, 1.0, 3.0, 5.0, 6.9, 7.1])             # of the ball's axis from the post's
+    over = np.sqrt(np.maximum(grown ** 2 - np.maximum(off - 2.0, 0.0) ** 2, 0.0)) - RADIUS_MM
+    tips = np.column_stack([8.0 + off, 0 * off, np.full(6, HIGH_MM + 2.0)])
+    assert work.missing_mm(ball, tips) == pytest.approx(np.where(off < 7.0, np.maximum(2.0 + over, 0.0), 0.0), abs=0.02)
 
 
 @pytest.mark.parametrize("out_mm, is_touched", [(0.0, True), (0.004, True), (0.012, False)])

@@ -9,7 +9,7 @@ import pytest
 from built_parts import ran
 
 from cuspline.app.catalogue import find_library, find_machine
-from cuspline.design import Setup
+from cuspline.design import FixtureBox, Setup
 from cuspline.kernel import brep
 from cuspline.planning.positions import Held, directions, positions, turnable
 from cuspline.values.errors import CutterDoesNotFit
@@ -84,6 +84,19 @@ def test_the_table_that_holds_the_part_is_in_the_way_from_behind():
     seen_from = lambda x: positions(solid, range(6), LIBRARY, ways=along(x, 0, 0), steepest_deg=30)
     assert seen_from(1.0).positions[0].sees_mm2 == pytest.approx(SIDE_MM ** 2, rel=0.1)
     assert seen_from(-1.0).positions == ()
+
+
+def test_balls_and_the_tools_over_them_keep_a_millimetre_from_fixtures():
+    """A stop beside the top, half a millimetre off the cube and 15 mm higher: a ball's middle comes no nearer than radius and 1."""
+    stop = FixtureBox(name="stop", min_mm=(SIDE_MM / 2 + 0.5, -SIDE_MM, -SIDE_MM), max_mm=(60.0, SIDE_MM, SIDE_MM / 2 + 15.0))
+    solid = brep.the_solid(CUBE)
+    top = [k for k, f in enumerate(brep.faces_of(solid)) if f.middle.normal[0, 2] > 0.9]
+    for ball in LIBRARY.of_type("ball"):
+        alone = LIBRARY.model_copy(update={"tools": (ball,)})
+        free, beside = (positions(solid, top, alone, ways=replace(along(0, 0, 1), fixtures=held), steepest_deg=30)
+                        for held in ((), (stop,)))
+        assert free.left_mm2 == pytest.approx(0.0, abs=1e-9)
+        assert beside.left_mm2 == pytest.approx((ball.cutter.radius_mm + 0.5) * SIDE_MM, rel=0.1)
 
 
 def test_what_directions_leave_is_looked_at_more_closely():
