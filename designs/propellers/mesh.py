@@ -43,14 +43,17 @@ def propeller_mesh(made, deviation_mm):
     Returns:
         Mesh; its own `deviation_mm` tells what was reached within ROUNDS rounds of refinement.
     """
-    density = dict(COARSEST)
+    density, allowed = dict(COARSEST), SHARE * deviation_mm
     for _ in range(ROUNDS):
         mesh, bulge = _meshed(made, density)
         if mesh.deviation_mm <= deviation_mm:
             return mesh
+        most = max(bulge.values())
+        if most <= allowed:                     # each is small enough, and in the middle of a cell their sum is not
+            allowed = most * deviation_mm / mesh.deviation_mm / SPREAD
         for name, value in bulge.items():
-            if value > SHARE * deviation_mm:
-                more = density[name] * SPREAD * np.sqrt(value / (SHARE * deviation_mm))
+            if value > allowed:
+                more = density[name] * SPREAD * np.sqrt(value / allowed)
                 density[name] = int(np.ceil(max(more, density[name] + 1)))
     return mesh
 

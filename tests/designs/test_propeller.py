@@ -174,6 +174,12 @@ def test_the_mesh_is_closed_and_its_error_is_of_second_order(dtmb, dtmb_whole_mm
                                                         rel=1e-5)
 
 
+@pytest.mark.parametrize("deviation_mm", [0.013, 0.005, 0.0021])
+def test_a_mesh_gets_finer_till_it_is_as_near_as_was_asked(dtmb, deviation_mm):
+    """In the middle of a cell what it bulges along both its sides adds up: each small enough alone is not enough."""
+    assert propeller_mesh(dtmb, deviation_mm).deviation_mm <= deviation_mm
+
+
 # sections ------------------------------------------------------------------------------------------------
 
 
