@@ -18,7 +18,7 @@ from cuspline.app.build import DRAFT_OPTIONS
 from cuspline.app.catalogue import find_design, make_design
 from cuspline.app.judge import begun
 from cuspline.design.job import read_job
-from cuspline.design.setup_alignment import COLUMNS, read_measured, refixtured
+from cuspline.design.setup_alignment import COLUMNS, refixtured
 from cuspline.designs.propellers import cutting
 from cuspline.kernel import brep
 from cuspline.surfaces.curvature import sample_faces
@@ -99,8 +99,7 @@ def figures(designed, measured):
     lies = {}
     for (setup, marker), place in _touched(read_job(designed), 0.0).items():
         lies.setdefault(setup, {})[marker] = place
-    fit = read_measured(designed.with_name(f"{designed.name}-measured.csv"))
-    far = max(s.setup.refixturing.far_error_mm for s in read_job(measured).placed(fit).posted if s.setup.refixturing)
+    far = max((s.setup.refixturing.far_error_mm or np.nan) for s in read_job(measured).posted if s.setup.refixturing)
     rows = [("farthest place of the blade known to, as the fit tells", far * 1e3, "um")]
     for what, folder in (("as its dimples were measured", measured), ("as if nobody had measured", designed)):
         look = begun(folder, read_job(folder).placed(lies), options=DRAFT_OPTIONS)

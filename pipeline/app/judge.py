@@ -45,7 +45,7 @@ from cuspline.verification.self_crossing import refuse_self_crossing
 from cuspline.verification.tabs import standing_tabs, tab_findings
 from cuspline.verification.text_checks import refuse_what_cannot_be_simulated, text_findings
 from cuspline.verification.threads import thread_findings
-from cuspline.verification.turning import swinging_findings, turning_findings
+from cuspline.verification.turning import at_end_of_move, swinging_findings, turning_findings
 from cuspline.verification.verdict import FirstLook, Judging, Options, SetupProgram, Verdict, first_look, verify_setups
 
 OF_BODIES = ("idle_operation", "plunge", "overload")       # kinds that say how a cutter takes stock off
@@ -157,6 +157,7 @@ def read_programs(folder, job, tools):
             split = _by_position(moves, setups)
         except ReadError as error:
             raise ReadError(f"{', '.join(texts)}: {error}", rows=error.rows) from None
+        found = [at_end_of_move(f, moves) if f.row >= 0 else f for f in found]      # no rows of the first position's own
         turning = turning_findings(split, setups, job, tools)
         near = body_findings(moves, split.position, setups, job, tools)
         for k, (item, own) in enumerate(zip(held, split.moves)):

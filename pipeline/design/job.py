@@ -8,6 +8,7 @@ import json
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
 from pydantic import Field, model_serializer
 
 from cuspline.design import FacePredicate, Finish, Setup
@@ -86,10 +87,21 @@ class Job(Model):
             p.model_copy(update={"setup": fixtures_beside(p.setup, folder)}) for p in self.posted)})
 
     def placed(self, measured):
-        """The same programs on a part that lies as its measured markers say (`refixturing.read_measured`)."""
+        """The same programs on a part that lies as its measured markers say (`setup_alignment.read_measured`).
+
+        In an indexed position the rotary axes stand as posted: a part that lies turned is seen from so much beside.
+        """
         setups = refixtured_setups([p.setup for p in self.posted], measured)
         return self.model_copy(update={"posted": tuple(
-            p.model_copy(update={"setup": s}) for p, s in zip(self.posted, setups))})
+            p.model_copy(update={"setup": _turned_as_posted(p.setup, s)}) for p, s in zip(self.posted, setups))})
+
+
+def _turned_as_posted(posted, lies):
+    """A Setup that lies otherwise than it was posted for; of an indexed position the axes as the machine still turns to them."""
+    if not lies.indexed or lies.clamped_x is None:
+        return lies
+    axis = lambda v: tuple(lies.clamped_frame.turn_out(posted.clamped_frame.turn_into(np.array([v])))[0].tolist())
+    return lies.model_copy(update={"wcs_x": axis(posted.wcs_x), "wcs_z": axis(posted.wcs_z)})
 
 
 def read_job(folder):

@@ -15,7 +15,7 @@ from cuspline.app.build import Order, build, is_cut_by_others
 from cuspline.app.judge import judge, judge_text
 from cuspline.app.machine_report import machine_view
 from cuspline.app.report_inputs import drawn_setup
-from cuspline.design import Setup
+from cuspline.design import Marker, Setup
 from cuspline.design.job import read_job
 from cuspline.kernel import brep
 from cuspline.values.errors import DesignError, PlanError, ReadError
@@ -113,6 +113,27 @@ def test_a_cut_too_deep_in_a_turned_position_is_a_gouge_there(block, tmp_path):
         assert np.abs(tip[0] - machine.wcs_origin_mm - f.place_mm).max() < 1e-5
 
 
+def test_programs_are_judged_on_a_part_that_lies_otherwise_than_they_were_posted_for(block):
+    """0.05 mm higher, 0.03 nearer to the front and turned a little, the rotary axes as posted: so deep it is cut there.
+
+    The hollows are caps of a sphere of 16 mm, 1 mm deep: deepest where the rim leans towards the way it is off.
+    """
+    corners = {f"{x}{y}": (7.0 * x, 7.0 * y, 14.0) for x in (-1, 1) for y in (-1, 1)}
+    job, turn = read_job(block), np.radians(0.05)
+    markers = tuple(Marker(name=name, at_mm=at) for name, at in corners.items())
+    marked = job.model_copy(update={"posted": tuple(
+        p.model_copy(update={"setup": p.setup.model_copy(update={"markers": markers})}) for p in job.posted)})
+    lies = {name: (x - turn * y, y + turn * x - 0.03, z + 0.05) for name, (x, y, z) in corners.items()}
+    placed = marked.placed({"top": lies})
+    front = placed.posted[1].setup
+    assert np.degrees(np.arccos(-front.wcs_z[1])) == pytest.approx(0.05, abs=1e-6)       # seen from the part
+    found = judge(block, placed, options=COARSE)
+    rim = np.arccos(15.0 / 16.0)
+    for setup, down, aside in (("top", 0.05, 0.03), ("front", 0.03, 0.05)):
+        deepest = max(f.amount_mm for f in found.findings if f.kind == "gouge" and f.setup == setup)
+        assert deepest == pytest.approx(down * np.cos(rim) + aside * np.sin(rim), abs=0.008)
+
+
 SWING = "G53 G0 A-90\n"
 
 
@@ -125,6 +146,16 @@ def text_findings(block, folder, change):
     (folder / "top.ngc").write_text(change(text))
     line = text[:text.index(SWING)].count("\n") + 1
     return judge_text(folder, read_job(folder)), line
+
+
+def test_what_the_text_shows_of_a_later_position_is_told_by_its_line(block, tmp_path):
+    """A spindle faster than the machine has, in the last operation: a row that the first position has not."""
+    def faster(text):
+        at = text.rindex("(OPERATION")
+        return text[:at] + re.sub(r"S\d+ M3", "S99999 M3", text[at:], count=1)
+    found, _ = text_findings(block, tmp_path / "out", faster)
+    assert [(f.kind, f.block) for f in found] == [("spindle_out_of_range", "S99999 M3")]
+    assert found[0].machine_mm is not None
 
 
 def test_the_text_alone_shows_nothing_of_a_good_program(block, tmp_path):
