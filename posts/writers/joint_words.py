@@ -22,6 +22,7 @@ JOINT_SHARE = 0.5           # of the path tolerance: how far tip and cutting edg
 CORNER_SHARE = 0.9          # of it: how far the tip may leave a corner between two blocks, where the plan is and no chord is off
 STANDS_RAD = 1e-6           # between the tool and Z
 LEANING_BLEND_SHARE = 0.25  # of it, for G64 P, which counts corners of X Y Z alone
+LAST_DIGITS = math.sqrt(3.0)  # of X, Y and Z together: so much longer than it is a block may come out
 
 
 def leans(moves):
@@ -81,6 +82,7 @@ class JointRun:
         self.operation, self.name = operation, operation.name
         self.length_mm, self.chain = operation.tool.length_mm, machine.kinematics
         self.decimals_deg = control.decimals_deg
+        self.least_mm = LAST_DIGITS * MM[control.units] * 10.0 ** -control.decimals
         self.tips, axes, move = _straight(moves, CHORD_SHARE * control.path_tolerance_mm)
         off_mm = JOINT_SHARE * control.path_tolerance_mm
         within = Tolerance(off_mm if tip_mm is None else tip_mm, off_mm / math.hypot(cutter.radius_mm, cutter.flute_length_mm))
@@ -121,11 +123,15 @@ class JointRun:
 
     @property
     def wanted_s(self):
-        """(n - 1,) seconds of every block after the first, the tip at its feed; 0 of rapids."""
+        """(n - 1,) seconds of every block after the first, the tip at its feed; 0 of rapids.
+
+        A block shorter than the words' last digit may be posted as long as that is.
+        """
         path, whole = self.path, np.zeros(len(self.tips))
         whole[1:] = np.sqrt((np.diff(self.tips, axis=0) ** 2).sum(axis=1))
         begin = np.concatenate([[0.0], np.where(np.diff(path.row) > 0, 0.0, path.share[:-1])])
-        wanted = 60.0 * whole[path.row] * (path.share - begin) / np.where(self.is_feed, self.feed, 1.0)
+        length = np.maximum(whole[path.row] * (path.share - begin), self.least_mm)
+        wanted = 60.0 * length / np.where(self.is_feed, self.feed, 1.0)
         return np.where(self.is_feed, wanted, 0.0)[1:]
 
 

@@ -106,6 +106,20 @@ def test_the_tip_runs_at_its_feed_where_the_joints_allow_it():
     assert np.abs(posted.feed_mm_per_min[cut] - 60.0).max() < 1.0               # joints run evenly, not the tip
 
 
+@pytest.mark.parametrize("name", FIVE_AXIS)
+def test_a_block_shorter_than_its_last_digit_is_no_faster_than_the_others(name):
+    """Two nanometres on, now and then over the border between two numbers: posted as 0.0001 mm, they had F31369522 under G93."""
+    w = MoveWriter((0, 0, CLEARANCE_MM))
+    for k in range(400):
+        w.feed((0.0171 * k, 0.0093 * k, 4.0), 600)
+        w.feed(w.here_mm + 2e-6, 600)
+    w.rapid((*w.here_mm[:2], CLEARANCE_MM))
+    moves = w.moves()
+    posted = read(machine(name), text_of(machine(name), operation(
+        "finish", dataclasses.replace(moves, axis=leaning(15.0, np.zeros(len(moves)))))))
+    assert posted.feed_mm_per_min[posted.kind == Kind.FEED].max() < 600 * 1.1
+
+
 def test_an_upright_program_differs_by_the_rotaries_set_to_zero_alone():
     plain, mill = machine("mill_3axis"), machine("mill_trunnion_ac")
     as_small = plain.model_copy(update={"control": mill.control})
