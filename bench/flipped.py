@@ -24,7 +24,6 @@ from cuspline.kernel import brep
 from cuspline.surfaces.curvature import sample_faces
 from cuspline.values.errors import InputError
 from cuspline.values.frames import Frame
-from cuspline.verification.reporter import MISSED, allowed_mm
 from cuspline.verification.setup_mismatch import joints
 
 SHIFT_MM, TURN_RAD = (0.3, -0.2, 0.15), np.radians([0.05, -0.03, 0.1])      # of the part, on the machine
@@ -47,7 +46,7 @@ def measure(parameters=(*SMALL, "profile_tolerance_mm=0.0025", "sides=flipped"))
 
 def motion(parameters):
     """[(what, number, unit)] of how far the second side's cuts are off on blade 1, by the rigid motion alone."""
-    cutting._ways = lambda design, p, balls, clampings, *of: [[np.array(c.z)] for c in clampings]    # directions take a minute
+    cutting._ways = lambda design, p, balls, clampings: [[np.array(c.z)] for c in clampings]       # directions take a minute
     design = make_design(find_design("dtmb_4119"), [*parameters, "blades_cut=one", "sides=flipped"])
     setup = next(s for s in design.setups if s.markers)
     faces = brep.faces_of(brep.the_solid(design.solid, "propeller"))
@@ -103,14 +102,15 @@ def figures(designed, measured):
     rows = [("farthest place of the blade known to, as the fit tells", far * 1e3, "um")]
     for what, folder in (("as its dimples were measured", measured), ("as if nobody had measured", designed)):
         look = begun(folder, read_job(folder).placed(lies), options=DRAFT_OPTIONS)
-        first, finish = look.first, look.first.judging.finish
+        first = look.first
         steps = joints([c.name for c in first.clampings], [own for _, own in first.residuals],
                        [len(found.samples) for found, _ in first.residuals], finished_mm=FINISHED_MM,
-                       fade_mm=float(np.sqrt(2.0 * first.part.largest_radius_mm * MISSED * allowed_mm(finish))))
+                       fade_mm=float(np.sqrt(2.0 * first.part.largest_radius_mm * FINISHED_MM)))
         between = [s for found in steps for s in found if s["setup"].split("-")[0] != s["with"].split("-")[0]]
         area = sum(s["area_mm2"] for s in between)
         findings = look.drafted().findings
-        kinds = ", ".join(sorted({f.kind for f in findings}))
+        deepest = {kind: max(f.amount_mm for f in findings if f.kind == kind) for kind in sorted({f.kind for f in findings})}
+        kinds = ", ".join(f"{kind} {amount:.4f} mm" for kind, amount in deepest.items())
         mean = sum(abs(s["step_mean_mm"]) * s["area_mm2"] for s in between) / area
         most = max((abs(s["step_max_mm"]) for s in between if s["area_mm2"] >= LEAST_MM2), default=np.nan)
         rows += [(f"{what}: mismatch of the two sides, mean of {area:.3g} mm2", 1e3 * mean, "um"),

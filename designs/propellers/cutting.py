@@ -90,13 +90,11 @@ def cut(design, made, p):
     balls = [extended(tool, p.extension_mm) for tool in _balls(p)]
     clampings = _flipped(design, made, p, balls) if is_flipped(made.blade.table, p) else [_on_rotary_table(made, p)]
     setups = []
-    for clamping, ways in zip(clampings, _ways(design, p, balls, clampings, _blade_names(1), "blade 1")):
+    for clamping, ways in zip(clampings, _ways(design, p, balls, clampings)):
         setups += [_position(clamping, f"markers-{j + 1}", TIP_1, way, (Dimples(markers=touched, tool=balls[-1].number),))
                    for j, (way, touched) in enumerate(clamping.dimples)]
-        setups += _copies("blade", clamping, ways, order, count, lambda k, side=clamping.side: _blade_names(k, side), balls)
-    if p.hub_cut:                               # its skin stands till the blades are cut
-        (clamping,), (ways,) = clampings, _ways(design, p, balls, clampings, _hub_names(1), "the hub beside blade 1")
-        setups += _copies("hub", clamping, ways, order, count, _hub_names, balls)
+        setups += [_setup(clamping, k, j, _names(k + 1, p, clamping.side), about_x(k * 2 * np.pi / count), way,
+                          _operations(balls, j == 0)) for k in order for j, way in enumerate(ways)]
     with_it = "its fillet" if len(order) == 1 else "their fillets"
     told = (f"{len(order)} of {count} blades cut with {with_it}{' and hub' if p.hub_cut else ''}, all else stays as cast"
             + ("; flipped between its sides" if len(clampings) > 1 else ""))
@@ -149,46 +147,41 @@ def _operations(balls, is_first):
     return (Parallel(tool=balls[0].number, **same), *rest[1:]) if is_first else tuple(rest)
 
 
-def _ways(design, p, balls, clampings, names, what):
-    """[[(3,)]] directions from which some faces are cut in each clamping, those that see most first.   balls: Tools."""
+def _ways(design, p, balls, clampings):
+    """[[(3,)]] directions from which blade 1 is cut in each clamping, those that see most first.   balls: Tools."""
     solid = brep.the_solid(design.solid, f"design {design.name}")
     held = [clamping.held for clamping in clampings]
-    found = positions(solid, _named(design, solid, names), find_library(None).model_copy(update={"tools": tuple(balls)}),
+    found = positions(solid, _of_blade_1(design, solid, p), find_library(None).model_copy(update={"tools": tuple(balls)}),
                       ways=tuple(held), steepest_deg=SEEN_DEG, standing_mm=p.skin_mm, finely=(PLACES, MESH_MM, CLOSER))
-    _refuse_unseen(found, balls, p, what)
+    _refuse_unseen(found, balls, p)
     return [[q.direction for q in found.positions if q.held is one] for one in held]
 
 
-def _refuse_unseen(found, balls, p, what):
+def _refuse_unseen(found, balls, p):
     """
     Raises:
-        DesignError: no direction sees some of it, and what would.
+        DesignError: no direction sees some of the blade, and what would.
     """
     if found.left_mm2 <= LEFT_SHARE * found.area_mm2:
         return
     place, sizes = " ".join(f"{axis}{v:.1f}" for axis, v in zip("XYZ", found.left_at_mm)), [b.cutter.diameter_mm for b in balls]
     raise DesignError(
-        f"blades_cut: no direction sees {found.left_mm2:.1f} of {found.area_mm2:.0f} mm2 of {what}, about {place}, with balls of "
+        f"blades_cut: no direction sees {found.left_mm2:.1f} of {found.area_mm2:.0f} mm2 of blade 1, about {place}, with balls of "
         f"{' and '.join(f'{size:g}' for size in sizes)} mm in extensions of {p.extension_mm:g} mm and a skin of {p.skin_mm:g} mm: "
         "another blade, the hub, spindle or table is in the way; change extension_mm or arbor_mm, take larger fillets, a thinner "
         "skin or fewer blades")
 
 
-def _named(design, solid, names):
-    """Indices of the faces of such names."""
+def _of_blade_1(design, solid, p):
+    """Indices of its faces and its fillet's."""
     faces = brep.faces_of(solid)
-    return brep.indices_of(faces, brep.named_faces(faces, design.predicates, names))
+    return brep.indices_of(faces, brep.named_faces(faces, design.predicates, _names(1, p)))
 
 
-def _blade_names(blade, side=""):
+def _names(blade, p, side=""):
     """Of the faces that are cut with a blade, counted from 1; where it is flipped, those that a side up shows."""
     parts = [s for s in ("face", "back") if side in ("", f"{s}-")] + ["leading edge", "trailing edge", "tip"]
-    return (*(f"blade {blade} {part}" for part in parts), f"fillet {blade}")
-
-
-def _hub_names(blade):
-    """Of the hub's face round a blade, counted from 1."""
-    return (f"hub {blade}",)
+    return (*(f"blade {blade} {part}" for part in parts), f"fillet {blade}", *((f"hub {blade}",) if p.hub_cut else ()))
 
 
 def _on_rotary_table(made, p):
@@ -216,7 +209,7 @@ def _flipped(design, made, p, balls):
                           "hub to be turned, or take sides=together")
     mill, solid = find_machine(GANTRY), brep.the_solid(design.solid, f"design {design.name}")
     under_zero = mill.wcs_origin_mm[2] - mill.table_z_mm
-    blade = sample_faces(brep.faces_of(solid), _named(design, solid, _blade_names(1)), across_axis=2).point_mm
+    blade = sample_faces(brep.faces_of(solid), _of_blade_1(design, solid, p), across_axis=2).point_mm
     markers, dimples = _markers(made, p, balls[-1].cutter.radius_mm)
     found = []
     for side, z in SIDES:
@@ -290,19 +283,10 @@ def _markers(made, p, ball_mm):
     return tuple(markers), tuple(dimples)
 
 
-def _copies(what, clamping, ways, order, count, names_of, balls):
-    """[Setup] of all positions at one blade after the other, those of the others planned as those of the first.
-
-    Args:
-        what: begins their names.   ways: of the first.   order: blades, from 0.   names_of: function of a blade, from 1.
-    """
-    found = []
-    for k in order:
-        for j, way in enumerate(ways):
-            name, first = (f"{what}-{blade}-{j + 1}" for blade in (k + 1, 1))
-            made = _position(clamping, name, names_of(k + 1), way, _operations(balls, j == 0), about_x(k * 2 * np.pi / count))
-            found.append(made if k == 0 else made.model_copy(update={"planned_as": f"{clamping.side}{first}"}))
-    return found
+def _setup(clamping, k, j, names, turn, way, operations):
+    """Position j of blade k, both from 0.   turn: (3, 3) from blade 1 to it.   way: (3,) to blade 1."""
+    made = _position(clamping, f"blade-{k + 1}-{j + 1}", names, way, operations, turn)
+    return made if k == 0 else made.model_copy(update={"planned_as": f"{clamping.side}blade-1-{j + 1}"})
 
 
 def _position(clamping, name, faces, way, operations, turn=AS_IT_IS):
