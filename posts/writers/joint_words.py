@@ -82,7 +82,7 @@ class JointRun:
         self.operation, self.name = operation, operation.name
         self.length_mm, self.chain = operation.tool.length_mm, machine.kinematics
         self.decimals_deg = control.decimals_deg
-        self.least_mm = LAST_DIGITS * MM[control.units] * 10.0 ** -control.decimals
+        self.least_mm = LAST_DIGITS * MM[control.units] / 10 ** control.decimals
         self.tips, axes, move = _straight(moves, CHORD_SHARE * control.path_tolerance_mm)
         off_mm = JOINT_SHARE * control.path_tolerance_mm
         within = Tolerance(off_mm if tip_mm is None else tip_mm, off_mm / math.hypot(cutter.radius_mm, cutter.flute_length_mm))
