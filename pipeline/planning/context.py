@@ -64,7 +64,9 @@ ROUND_PLACES, ROUND_SHARES = 16, np.array([0.25, 0.5, 0.75, 1.0])      # round a
 THIN_MM = 0.05              # of the needle that finds the part
 STEEP_DEG = 65.0            # clean-up passes of a setup with several operations: walls beyond get waterlines
 NEAR_RADII = 3.0            # of a cutter round the faces that a position cuts: what it may touch
-MADE_AGAIN = "mesh", "uncut", "geometry", "clearance", "obstacles"       # what `let_go` forgets: 200 MB of a propeller
+MADE_AGAIN = "mesh", "as cast", "geometry", "clearance", "obstacles"       # what `let_go` forgets: 200 MB of a propeller
+PATCH_MM = 3.0              # side of triangles on which a skin stands, or not
+SKIN_RAY = 1.5              # of what roughing leaves: farther it is not asked how much stands on them
 STEEPEST_RAMP_DEG = 44.9    # a preset's may be 90: straight down
 AXIS = 1e-9                 # how exactly a tool axis must be the setup's Z
 
@@ -428,12 +430,12 @@ class PlanningContext:
         """[(DropMesh, mm, mm or None)]: what necks, shanks and holders must clear, the most that stands on it, and how far cutters
         stay off, which may touch where it is None.
 
-        On the part what roughing leaves; on faces of a casting that the setup does not cut its skin; in an indexed position its
-        fixtures and the machine's tables as they are.
+        On the part what roughing leaves; on a casting its skin as far as it stands before the setup, but for faces that this setup
+        alone cuts; in a position among others its fixtures and the machine's tables as they are.
         """
         found = [(self.mesh, self.practice.rough_allowance_mm, None)]
-        if self._skin_mm is not None and self._uncut is not None:
-            found.append((self._uncut, self._skin_mm, None))
+        if self._skin_mm is not None and self._as_cast is not None:
+            found.append((self._as_cast, self._skin_mm, None))
         return found if self._held_by is None else [*found, (self._held_by, 0.0, HOLDER_CLEARANCE_MM)]
 
     @property
@@ -442,23 +444,47 @@ class PlanningContext:
         return getattr(self.design.stock, "thickest_mm", None)
 
     @property
-    def _uncut(self):
-        """DropMesh of the faces that the setup does not cut; None: it cuts all."""
+    def _as_cast(self):
+        """DropMesh of where a casting's skin still stands; None: nowhere."""
         def made():
-            faces = self._faces_of_part
-            cut = brep.indices_of(faces, brep.named_faces(faces, self.design.predicates, self.setup.faces))
-            rows = ~np.isin(self.triangles.face_of_triangle, cut)
-            return DropMesh.from_triangles(self.triangles.vertices_mm, self.triangles.triangles[rows]) if rows.any() else None
+            corners = self.triangles.vertices_mm[self.triangles.triangles]
+            if not self._is_among_others:
+                faces = self._faces_of_part
+                cut = brep.indices_of(faces, brep.named_faces(faces, self.design.predicates, self.setup.faces))
+                corners = corners[~np.isin(self.triangles.face_of_triangle, cut)]
+            if self.piece.cuts:
+                corners = halved_until(corners, PATCH_MM)
+                corners = corners[self._stands_on(corners)]
+            return DropMesh.from_triangles(corners.reshape(-1, 3), np.arange(3 * len(corners))) if len(corners) else None
 
-        return self.once("uncut", made)
+        return self.once("as cast", made)
+
+    def _stands_on(self, corners_mm):
+        """(m,) bool: more than what roughing leaves stands somewhere on triangles (m, 3, 3), before the setup."""
+        normals = np.cross(corners_mm[:, 1] - corners_mm[:, 0], corners_mm[:, 2] - corners_mm[:, 0])
+        normals = normals / fixed.lengths(normals)[:, None]
+        middles = corners_mm.mean(axis=1)
+        places = [middles, *(0.9 * corners_mm[:, k] + 0.1 * middles for k in range(3))]
+        frame, most = self.setup.turn, self.practice.rough_allowance_mm
+        stands = np.zeros(len(corners_mm), bool)
+        for points in places:
+            left = np.flatnonzero(~stands)
+            off = self.piece.deviations(frame.out(points[left]), frame.turn_out(normals[left]), SKIN_RAY * most)[0]
+            stands[left] = off > most
+        return stands
+
+    @property
+    def _is_among_others(self):
+        """Whether what the setup does not reach is other positions' to cut."""
+        return any(getattr(o, "leave_steep", False) for o in self.setup.operations)
 
     @property
     def _held_by(self):
-        """DropMesh of fixtures and what of the machine turns with the part or carries it, in an indexed position; None: nothing."""
+        """DropMesh of fixtures and what of the machine turns with the part or carries it, in a position among others; else None."""
         machine, setup = self.machine, self.setup
 
         def made():
-            if setup.clamped_x is None or not machine.rotaries:
+            if setup.clamped_x is None or not machine.rotaries or not self._is_among_others:
                 return None
             turned = shortest_way(machine.kinematics, setup.clamped_frame.turn_into(np.array([setup.wcs_z]))).angles[0]
             found = joined([*(f.mesh for f in self.fixtures),
@@ -793,6 +819,21 @@ def left_as_steep(operation, samples):
     """(n,) bool: samples on what an operation leaves to others because it is steep."""
     steepest = getattr(operation, "steepest_deg", 90.0)
     return (samples.normal[:, 2] < fixed.cos(math.radians(steepest))) & (steepest < 90.0)
+
+
+def halved_until(corners_mm, longest_mm):
+    """(k, 3, 3) triangles with area, of triangles (m, 3, 3) halved across their longest sides until none is longer."""
+    done = []
+    while len(corners_mm):
+        sides = fixed.lengths((np.roll(corners_mm, -1, axis=1) - corners_mm).reshape(-1, 3)).reshape(-1, 3)
+        order = (sides.argmax(axis=1)[:, None] + np.arange(3)) % 3
+        a, b, c = np.moveaxis(np.take_along_axis(corners_mm, order[:, :, None], axis=1), 1, 0)
+        has_area, is_long = fixed.lengths(np.cross(b - a, c - a)) > 0, sides.max(axis=1) > longest_mm
+        done.append(corners_mm[has_area & ~is_long])
+        a, b, c = (v[has_area & is_long] for v in (a, b, c))
+        middle = (a + b) / 2
+        corners_mm = np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
+    return np.concatenate(done)
 
 
 def _stricter(finish, operation, tolerance_share):

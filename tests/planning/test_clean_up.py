@@ -6,19 +6,24 @@ from types import SimpleNamespace
 import cadquery as cq
 import numpy as np
 import pytest
+from known_programs import program, raster, tool
 
 from cuspline.app import catalogue
 from cuspline.design import Design, FacePredicate, Finish, FixtureCylinder, Parameters, Setup, StockBox, StockSkin
 from cuspline.design.stock import settled
 from cuspline.kernel import brep
 from cuspline.planning.clean_up import _chained, _fall_together, clean_up, squarely_touched
-from cuspline.planning.context import MADE_AGAIN, PlanningContext
+from cuspline.planning.context import MADE_AGAIN, PATCH_MM, PlanningContext, halved_until
+from cuspline.planning.strategies.rest import Rest
 from cuspline.planning.tool_depth import HOLDER_CLEARANCE_MM, SHANK_CLEARANCE_MM, is_clear_above
 from cuspline.shop.practice import Practice
+from cuspline.stock.swept import swept_paths
+from cuspline.stock.workpiece import Workpiece
 from cuspline.toolpaths.drop.dropcutter import drop_tips_mm
 
 RADIUS_MM = 4.0
 HIGH_MM, LONG_MM = 10.0, 16.0
+AMONG_OTHERS = {"indexed": True, "clamped_x": (1, 0, 0), "clamped_z": (0, 0, 1), "operations": (Rest(leave_steep=True),)}
 ASKED = Finish(scallop_mm=0.01, profile_tolerance_mm=0.0025, gouge_mm=0.003)
 
 
@@ -69,10 +74,34 @@ def test_a_tool_keeps_clear_of_the_skin_of_a_casting_on_faces_that_its_setup_doe
     assert work.missing_mm(ball, tip, 0.2) == pytest.approx([0.5 + SHANK_CLEARANCE_MM + beside + 0.2], abs=1e-9)
 
 
+def test_a_casting_s_skin_stands_no_more_where_an_earlier_setup_has_cut(context):
+    """The top is milled where y is above 1, by a flat cutter of 2 mm: beside the groove and before it as cast, behind it clean."""
+    skin = settled(StockSkin(skin_mm=0.9), brep.the_solid(context.design.solid), Practice())
+    cut = program((-9, -9, 40), raster((-5.0, LONG_MM + 5.0), [2.0 + k for k in range(10)], HIGH_MM))
+    piece = Workpiece(blank=skin.shape).after(context.setup.frame, swept_paths(cut, {1: tool("flat", 2)}))
+    work = PlanningContext(replace(context.design, stock=skin), context.setup, context.machine, context.library, piece)
+    _, (as_cast, _, _) = work.beside_tools
+    middles, level = as_cast.corners_mm.mean(axis=1), np.ptp(as_cast.corners_mm[:, :, 2], axis=1) < 1e-9
+    top = middles[level & (middles[:, 2] > HIGH_MM - 1e-9)]
+    assert len(top) and top[:, 1].max() < 1.0 + PATCH_MM and (top[:, 1] < -RADIUS_MM + PATCH_MM).any()
+    assert as_cast.corners_mm[:, :, 2].min() == pytest.approx(0.0, abs=1e-9)            # the base is
+
+
+def test_triangles_are_halved_to_no_more_than_a_length_and_cover_the_same():
+    """Those without area are left out, the others keep theirs and the way they look."""
+    whole = np.random.default_rng(5).normal(scale=20.0, size=(40, 3, 3))
+    whole[7, 2] = whole[7, :2].mean(axis=0)
+    small = halved_until(whole, PATCH_MM)
+    areas = lambda c: np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0])
+    assert np.linalg.norm(np.roll(small, 1, axis=1) - small, axis=2).max() <= PATCH_MM
+    assert areas(small).sum(axis=0) == pytest.approx(areas(whole).sum(axis=0), abs=1e-8)
+    assert np.linalg.norm(areas(small), axis=1).sum() == pytest.approx(np.linalg.norm(areas(whole), axis=1).sum())
+
+
 @pytest.mark.parametrize("x_mm, is_over_it", [(-200.0, True), (-180.0, False)])
 def test_the_spindle_keeps_clear_of_the_table_that_stands_beside_an_indexed_position(context, x_mm, is_over_it):
     """Table of mill_a_on_b: 160 mm round X, its face 280 mm before zero; spindle: 90 mm round its axis, 40 above the nose."""
-    beside = context.setup.model_copy(update={"indexed": True, "clamped_x": (1, 0, 0), "clamped_z": (0, 0, 1)})
+    beside = context.setup.model_copy(update=AMONG_OTHERS)
     mill = catalogue.find_machine("mill_a_on_b")
     works = [PlanningContext(replace(context.design, setups=(s,)), s, mill, context.library) for s in (beside, context.setup)]
     ball = next(t for t in works[0].library.of_type("ball") if t.cutter.radius_mm == RADIUS_MM)
@@ -85,7 +114,7 @@ def test_the_spindle_keeps_clear_of_the_table_that_stands_beside_an_indexed_posi
 def test_a_cutter_stays_a_millimetre_off_the_fixtures_of_an_indexed_position(context):
     """A post 4 mm over the top: beside it the ball's side, over it the ball's tip, as far as a sphere that is 1 mm larger goes."""
     post = FixtureCylinder(name="post", from_mm=(8.0, 0.0, 0.0), to_mm=(8.0, 0.0, HIGH_MM + 4.0), diameter_mm=4.0)
-    beside = context.setup.model_copy(update={"indexed": True, "clamped_x": (1, 0, 0), "clamped_z": (0, 0, 1), "fixtures": (post,)})
+    beside = context.setup.model_copy(update={**AMONG_OTHERS, "fixtures": (post,)})
     mill = catalogue.find_machine("mill_a_on_b")
     work = PlanningContext(replace(context.design, setups=(beside,)), beside, mill, context.library)
     ball = next(t for t in work.library.of_type("ball") if t.cutter.radius_mm == RADIUS_MM)
