@@ -98,7 +98,7 @@ def figures(designed, measured):
     lies = {}
     for (setup, marker), place in _touched(read_job(designed), 0.0).items():
         lies.setdefault(setup, {})[marker] = place
-    far = max((s.setup.refixturing.far_error_mm or np.nan) for s in read_job(measured).posted if s.setup.refixturing)
+    far = max(s.setup.refixturing.far_error_mm for s in read_job(measured).posted if s.setup.refixturing)
     rows = [("farthest place of the blade known to, as the fit tells", far * 1e3, "um")]
     for what, folder in (("as its dimples were measured", measured), ("as if nobody had measured", designed)):
         look = begun(folder, read_job(folder).placed(lies), options=DRAFT_OPTIONS)

@@ -110,6 +110,10 @@ def placed_fixtures(setup, frame):
 
 
 def placed(fixtures, held, frame):
-    """The same of fixtures in a clamping whose WCS, seen from the part, is `held`."""
+    """Placed values of fixtures in a clamping.
+
+    Args:
+        fixtures: of Fixture.   held: Frame of the clamping's WCS, seen from the part.   frame: see `placed_fixtures`.
+    """
     base = {"part": HERE, "table": held}
     return tuple(Placed(name=f.name, shape=f.shape, view=frame.seen_from(base[f.on]).seen_from(f.own_frame)) for f in fixtures)

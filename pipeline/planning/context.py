@@ -16,6 +16,7 @@ from cuspline.planning import feeds
 from cuspline.planning.cutter_choice import ROUND, ball_reach, choose_cutter, cutter_reach
 from cuspline.planning.finishing_chain import FinishingWork
 from cuspline.planning.plating import in_metal, library_within_skin
+from cuspline.planning.standing_skin import under_skin
 from cuspline.planning.standing_stock import standing_tree
 from cuspline.planning.tool_depth import (
     HOLDER_CLEARANCE_MM,
@@ -27,12 +28,11 @@ from cuspline.planning.tool_depth import (
 )
 from cuspline.program.program import UPRIGHT, Kind, Moves
 from cuspline.replay.clearance import ClearanceTree
-from cuspline.replay.machine_bodies import bodies_at, joined, round_the_spindle
+from cuspline.replay.machine_bodies import round_the_spindle, turned_to, what_holds
 from cuspline.shop.cutters import Tool
 from cuspline.shop.materials import material_named
 from cuspline.shop.practice import ShopFile
 from cuspline.shop.presets import preset_of
-from cuspline.shop.rotary_way import shortest_way
 from cuspline.stock.workpiece import Workpiece
 from cuspline.surfaces.curvature import sample_faces, tightest_hollow
 from cuspline.surfaces.patches import PatchSet
@@ -65,8 +65,6 @@ THIN_MM = 0.05              # of the needle that finds the part
 STEEP_DEG = 65.0            # clean-up passes of a setup with several operations: walls beyond get waterlines
 NEAR_RADII = 3.0            # of a cutter round the faces that a position cuts: what it may touch
 MADE_AGAIN = "mesh", "as cast", "geometry", "clearance", "obstacles"       # what `let_go` forgets: 200 MB of a propeller
-PATCH_MM = 3.0              # side of triangles on which a skin stands, or not
-SKIN_RAY = 1.5              # of what roughing leaves: farther it is not asked how much stands on them
 STEEPEST_RAMP_DEG = 44.9    # a preset's may be 90: straight down
 AXIS = 1e-9                 # how exactly a tool axis must be the setup's Z
 
@@ -452,26 +450,12 @@ class PlanningContext:
                 faces = self._faces_of_part
                 cut = brep.indices_of(faces, brep.named_faces(faces, self.design.predicates, self.setup.faces))
                 corners = corners[~np.isin(self.triangles.face_of_triangle, cut)]
-            if self.piece.cuts:
-                corners = halved_until(corners, PATCH_MM)
-                corners = corners[self._stands_on(corners)]
+            elif not self.piece.cuts:
+                return self.mesh
+            corners = under_skin(corners, self.piece, self.setup.turn, self.practice.rough_allowance_mm)
             return DropMesh.from_triangles(corners.reshape(-1, 3), np.arange(3 * len(corners))) if len(corners) else None
 
         return self.once("as cast", made)
-
-    def _stands_on(self, corners_mm):
-        """(m,) bool: more than what roughing leaves stands somewhere on triangles (m, 3, 3), before the setup."""
-        normals = np.cross(corners_mm[:, 1] - corners_mm[:, 0], corners_mm[:, 2] - corners_mm[:, 0])
-        normals = normals / fixed.lengths(normals)[:, None]
-        middles = corners_mm.mean(axis=1)
-        places = [middles, *(0.9 * corners_mm[:, k] + 0.1 * middles for k in range(3))]
-        frame, most = self.setup.turn, self.practice.rough_allowance_mm
-        stands = np.zeros(len(corners_mm), bool)
-        for points in places:
-            left = np.flatnonzero(~stands)
-            off = self.piece.deviations(frame.out(points[left]), frame.turn_out(normals[left]), SKIN_RAY * most)[0]
-            stands[left] = off > most
-        return stands
 
     @property
     def _is_among_others(self):
@@ -486,10 +470,8 @@ class PlanningContext:
         def made():
             if setup.clamped_x is None or not machine.rotaries or not self._is_among_others:
                 return None
-            turned = shortest_way(machine.kinematics, setup.clamped_frame.turn_into(np.array([setup.wcs_z]))).angles[0]
-            found = joined([*(f.mesh for f in self.fixtures),
-                            *((b.vertices_mm, b.triangles) for b in
-                              bodies_at(machine, np.degrees(turned), setup.turn, setup.clamped_frame))])
+            held = setup.clamped_frame
+            found = what_holds(machine, turned_to(machine, held, setup.wcs_z), setup.turn, held, self.fixtures)
             return None if found is None else DropMesh.from_triangles(*found)
 
         return self.once("held by", made)
@@ -819,21 +801,6 @@ def left_as_steep(operation, samples):
     """(n,) bool: samples on what an operation leaves to others because it is steep."""
     steepest = getattr(operation, "steepest_deg", 90.0)
     return (samples.normal[:, 2] < fixed.cos(math.radians(steepest))) & (steepest < 90.0)
-
-
-def halved_until(corners_mm, longest_mm):
-    """(k, 3, 3) triangles with area, of triangles (m, 3, 3) halved across their longest sides until none is longer."""
-    done = []
-    while len(corners_mm):
-        sides = fixed.lengths((np.roll(corners_mm, -1, axis=1) - corners_mm).reshape(-1, 3)).reshape(-1, 3)
-        order = (sides.argmax(axis=1)[:, None] + np.arange(3)) % 3
-        a, b, c = np.moveaxis(np.take_along_axis(corners_mm, order[:, :, None], axis=1), 1, 0)
-        has_area, is_long = fixed.lengths(np.cross(b - a, c - a)) > 0, sides.max(axis=1) > longest_mm
-        done.append(corners_mm[has_area & ~is_long])
-        a, b, c = (v[has_area & is_long] for v in (a, b, c))
-        middle = (a + b) / 2
-        corners_mm = np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
-    return np.concatenate(done)
 
 
 def _stricter(finish, operation, tolerance_share):

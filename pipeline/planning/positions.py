@@ -15,7 +15,7 @@ from cuspline.planning.context import MESH_DEFLECTION_MM
 from cuspline.planning.cutter_choice import TOUCH_MM
 from cuspline.planning.tool_depth import CLEARANCES_MM, HOLDER_CLEARANCE_MM
 from cuspline.replay.clearance import ClearanceTree
-from cuspline.replay.machine_bodies import bodies_at, joined, round_the_spindle
+from cuspline.replay.machine_bodies import round_the_spindle, turned_to, what_holds
 from cuspline.shop.kinematics import LINEARS
 from cuspline.shop.rotary_way import shortest_way
 from cuspline.surfaces.curvature import sample_faces
@@ -132,22 +132,17 @@ class Held:
         """All directions that the machine turns to."""
         return cls(machine=machine, frame=frame, ways=turnable(directions(), machine.kinematics, frame), fixtures=fixtures)
 
-    def goes_to(self, way, tips_mm, length_mm):
-        """Whether X, Y and Z reach all tips (n, 3), part coordinates, of a tool along a direction (3,), ENDS_MM to spare."""
+    def goes_to(self, turned_rad, tips_mm, length_mm):
+        """Whether X, Y and Z reach all tips (n, 3), part coordinates, of a tool so long, ENDS_MM to spare, its rotaries at (r,)."""
         chain, tips = self.machine.kinematics, self.frame.into(tips_mm) + self.machine.wcs_origin_mm
         linear = slice(0, LINEARS)
-        joints = chain.placed(tips, np.tile(self._turned_to(way), (len(tips), 1)), length_mm)[:, linear]
+        joints = chain.placed(tips, np.tile(turned_rad, (len(tips), 1)), length_mm)[:, linear]
         return bool(((joints >= chain.low[linear] + ENDS_MM) & (joints <= chain.high[linear] - ENDS_MM)).all())
 
-    def _turned_to(self, way):
-        return shortest_way(self.machine.kinematics, self.frame.turn_into(way[None])).angles[0]
-
-    def beside_from(self, way):
-        """ClearanceTree of fixtures and what turns with the part or carries it, part coordinates, where the tool stands along a
-        direction (3,) that the machine turns to; None: there is nothing."""
-        bodies = bodies_at(self.machine, np.degrees(self._turned_to(way)), AS_IT_LIES, self.frame)
-        found = joined([*(f.mesh for f in placed(self.fixtures, self.frame, AS_IT_LIES)),
-                        *((b.vertices_mm, b.triangles) for b in bodies)])
+    def beside_at(self, turned_rad):
+        """ClearanceTree of fixtures and what turns with the part or carries it, part coordinates, the rotaries at (r,); None:
+        there is nothing."""
+        found = what_holds(self.machine, turned_rad, AS_IT_LIES, self.frame, placed(self.fixtures, self.frame, AS_IT_LIES))
         return None if found is None else ClearanceTree.of_triangles(*found)
 
 
@@ -259,11 +254,14 @@ class _Look:
             gentle = fixed.matmul(self.samples.normal, way) >= steep
             gentle = gentle if wanted is None else gentle & wanted
             if gentle.any():
-                beside = None if held is None else held.beside_from(way)
+                if held is None:
+                    found[k] = [ball.seen_from(way, gentle) for ball in self.on_tools]
+                    continue
+                turned = turned_to(held.machine, held.frame, way)
+                beside = held.beside_at(turned)
                 found[k] = [ball.seen_from(way, gentle, beside) for ball in self.on_tools]
-                if held is not None and not all(held.goes_to(way, ball.tips_mm(way, seen), ball.length_mm)
-                                                for ball, seen in zip(self.on_tools, found[k])):
-                    found[k] = False
+                found[k] &= all(held.goes_to(turned, ball.tips_mm(way, seen), ball.length_mm)
+                                for ball, seen in zip(self.on_tools, found[k]))
         return found
 
     def chosen(self, candidates, left, steepest_deg, least_mm2):

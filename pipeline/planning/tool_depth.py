@@ -42,7 +42,7 @@ def clear_tips_mm(tool, mesh, xy_mm, stock_mm, least_mm=-np.inf, cutter_mm=None)
 
 
 def is_clear_above(tool, lowest_tip_mm, top_mm, stock_mm, cutter_mm=None):
-    """Whether holder and shank stay over the highest place of the part wherever the tip goes."""
+    """Whether holder and shank, and the cutter too where it must, see `clear_tips_mm`, stay over a height wherever the tip goes."""
     return all(lowest_tip_mm + z0 >= top_mm + clearance for z0, _, _, clearance in _rims(tool, stock_mm, cutter_mm))
 
 

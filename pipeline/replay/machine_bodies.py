@@ -15,6 +15,7 @@ from cuspline.replay.clearance import stacked_head
 from cuspline.replay.scene import SolidFixture
 from cuspline.shop.kinematics import LINEARS
 from cuspline.shop.machines import BED, ROTARIES, Box, Cylinder
+from cuspline.shop.rotary_way import shortest_way
 from cuspline.stock.shapes import BoxShape, CylinderShape
 from cuspline.values import fixed_math as fixed
 
@@ -50,12 +51,32 @@ def bodies_at(machine, rotary_deg, frame, held):
     return tuple(found)
 
 
-def joined(meshes):
-    """One of meshes ((v, 3) vertices, (t, 3) triangles); None: there are none."""
-    if not meshes:
-        return None
-    begins = np.cumsum([0, *(len(vertices) for vertices, _ in meshes)])
-    return np.vstack([v for v, _ in meshes]), np.vstack([triangles + first for (_, triangles), first in zip(meshes, begins)])
+def together(meshes):
+    """(v, 3) vertices and (t, 3) triangles of several meshes as one."""
+    first = np.cumsum([0, *(len(v) for v, _ in meshes)])
+    return np.vstack([v for v, _ in meshes]), np.vstack([t + n for (_, t), n in zip(meshes, first)])
+
+
+def turned_to(machine, held, way):
+    """(r,) where the rotaries stand, rad, with the tool along a direction.
+
+    Args:
+        machine: Machine with rotaries.   held: Frame of the clamping's WCS, seen from the part.   way: (3,) unit, part coordinates.
+    Raises:
+        PostError: the machine does not turn there.
+    """
+    return shortest_way(machine.kinematics, held.turn_into(np.array([way]))).angles[0]
+
+
+def what_holds(machine, turned_rad, frame, held, fixtures):
+    """((v, 3) vertices, (t, 3) triangles), mm, seen from the frame, of fixtures and `bodies_at`; None: there is nothing.
+
+    Args:
+        machine, frame, held: as there.   turned_rad: (r,) where its rotaries stand.   fixtures: of design.fixtures.Placed there.
+    """
+    bodies = bodies_at(machine, np.degrees(turned_rad), frame, held)
+    found = [*(f.mesh for f in fixtures), *((b.vertices_mm, b.triangles) for b in bodies)]
+    return together(found) if found else None
 
 
 def round_the_spindle(machine):

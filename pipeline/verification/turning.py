@@ -12,7 +12,7 @@ import numpy as np
 from cuspline.design.fixtures import placed_fixtures
 from cuspline.program.program import Kind
 from cuspline.replay.clearance import ClearanceTree, ToolMoves, tool_segments
-from cuspline.replay.machine_bodies import into_link, mesh_of, rotary_links
+from cuspline.replay.machine_bodies import into_link, mesh_of, rotary_links, together
 from cuspline.replay.replay_checks import TRAVEL_MM, Reporter
 
 UNKNOWN = "rotary axes turn while nobody knows where X, Y and Z stand: retract by G53 before"
@@ -41,7 +41,7 @@ def turning_findings(positions, setups, job, tools):
     if not len(rows):
         return _without_rows(found, moves)
     way = _Way(moves, positions.turning_from_deg, rows, machine)
-    fixed_to_part = _together([_blank(held, job), *(f.mesh for f in placed_fixtures(held, held.frame))])
+    fixed_to_part = together([_blank(held, job), *(f.mesh for f in placed_fixtures(held, held.frame))])
     judge = partial(_near, report=report, tools=tools, machine=machine)
     near = [*judge(way.seen_from(None), fixed_to_part, told=("rapid_through_stock", NEAR))]
     near += _past_bodies(way, rotary_links(machine), judge)
@@ -87,7 +87,7 @@ def _past_bodies(way, links, judge):
     for link in links:
         bodies = [mesh_of(b) for b in way.machine.bodies if b.link == link]
         if bodies:
-            near += judge(way.seen_from(link), _together(bodies), told=("fixture_contact", MEETS))
+            near += judge(way.seen_from(link), together(bodies), told=("fixture_contact", MEETS))
     return near
 
 
@@ -136,9 +136,3 @@ def _near(way, obstacle, *, told, report, tools, machine):
 def _blank(held, job):
     vertices, triangles = job.stock.shape.mesh
     return held.frame.into(vertices), triangles
-
-
-def _together(meshes):
-    """(v, 3) vertices and (t, 3) triangles of several meshes as one."""
-    first = np.cumsum([0, *(len(v) for v, _ in meshes)])
-    return np.vstack([v for v, _ in meshes]), np.vstack([t + n for (_, t), n in zip(meshes, first)])

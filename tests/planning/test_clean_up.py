@@ -13,7 +13,8 @@ from cuspline.design import Design, FacePredicate, Finish, FixtureCylinder, Para
 from cuspline.design.stock import settled
 from cuspline.kernel import brep
 from cuspline.planning.clean_up import _chained, _fall_together, clean_up, squarely_touched
-from cuspline.planning.context import MADE_AGAIN, PATCH_MM, PlanningContext, halved_until
+from cuspline.planning.context import MADE_AGAIN, PlanningContext
+from cuspline.planning.standing_skin import PATCH_MM, halved_until
 from cuspline.planning.strategies.rest import Rest
 from cuspline.planning.tool_depth import HOLDER_CLEARANCE_MM, SHANK_CLEARANCE_MM, is_clear_above
 from cuspline.shop.practice import Practice
