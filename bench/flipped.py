@@ -27,7 +27,7 @@ from cuspline.values.frames import Frame
 from cuspline.verification.setup_mismatch import joints
 
 SHIFT_MM, TURN_RAD = (0.3, -0.2, 0.15), np.radians([0.05, -0.03, 0.1])      # of the part, on the machine
-FINISHED_MM = 0.5                   # what stands higher is skin
+FINISHED_MM = 0.5, 0.03             # what stands higher is skin; what stands higher a side has cut in part, to leave it to the other
 LEAST_MM2 = 1.0
 NOISE_MM, SEED = 0.002, 17          # of a coordinate that is touched, root mean square
 TOUCHED = 100                       # times
@@ -102,21 +102,26 @@ def figures(designed, measured):
     rows = [("farthest place of the blade known to, as the fit tells", far * 1e3, "um")]
     for what, folder in (("as its dimples were measured", measured), ("as if nobody had measured", designed)):
         look = begun(folder, read_job(folder).placed(lies), options=DRAFT_OPTIONS)
-        first = look.first
-        steps = joints([c.name for c in first.clampings], [own for _, own in first.residuals],
-                       [len(found.samples) for found, _ in first.residuals], finished_mm=FINISHED_MM,
-                       fade_mm=float(np.sqrt(2.0 * first.part.largest_radius_mm * FINISHED_MM)))
-        between = [s for found in steps for s in found if s["setup"].split("-")[0] != s["with"].split("-")[0]]
-        area = sum(s["area_mm2"] for s in between)
+        rows += [row for finished_mm in FINISHED_MM for row in _mismatch(f"{what}, both sides within {finished_mm:g} mm", look.first,
+                                                                         finished_mm)]
         findings = look.drafted().findings
         deepest = {kind: max(f.amount_mm for f in findings if f.kind == kind) for kind in sorted({f.kind for f in findings})}
         kinds = ", ".join(f"{kind} {amount:.4f} mm" for kind, amount in deepest.items())
-        mean = sum(abs(s["step_mean_mm"]) * s["area_mm2"] for s in between) / area
-        most = max((abs(s["step_max_mm"]) for s in between if s["area_mm2"] >= LEAST_MM2), default=np.nan)
-        rows += [(f"{what}: mismatch of the two sides, mean of {area:.3g} mm2", 1e3 * mean, "um"),
-                 (f"{what}: mismatch, the most where {LEAST_MM2:g} mm2 or more are shared", 1e3 * most, "um"),
-                 (f"{what}: findings" + (f" ({kinds})" if kinds else ""), len(findings), "")]
+        rows.append((f"{what}: findings" + (f" ({kinds})" if kinds else ""), len(findings), ""))
     return rows
+
+
+def _mismatch(what, first, finished_mm):
+    """Rows of the steps between the two sides, where each alone leaves no more than so much."""
+    steps = joints([c.name for c in first.clampings], [own for _, own in first.residuals],
+                   [len(found.samples) for found, _ in first.residuals], finished_mm=finished_mm,
+                   fade_mm=float(np.sqrt(2.0 * first.part.largest_radius_mm * finished_mm)))
+    between = [s for found in steps for s in found if s["setup"].split("-")[0] != s["with"].split("-")[0]]
+    area = sum(s["area_mm2"] for s in between)
+    mean = sum(abs(s["step_mean_mm"]) * s["area_mm2"] for s in between) / area if between else np.nan
+    most = max((abs(s["step_max_mm"]) for s in between if s["area_mm2"] >= LEAST_MM2), default=np.nan)
+    return [(f"{what}: mean step over {area:.3g} mm2", 1e3 * mean, "um"),
+            (f"{what}: most between lowest points, {LEAST_MM2:g} mm2 or more shared", 1e3 * most, "um")]
 
 
 def _touched(job, noise_mm):
