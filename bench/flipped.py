@@ -27,7 +27,7 @@ from cuspline.values.frames import Frame
 from cuspline.verification.setup_mismatch import joints
 
 SHIFT_MM, TURN_RAD = (0.3, -0.2, 0.15), np.radians([0.05, -0.03, 0.1])      # of the part, on the machine
-FINISHED_MM = 0.5, 0.03             # what stands higher is skin; what stands higher a side has cut in part, to leave it to the other
+FINISHED_MM = 0.5, 0.03             # what stands higher: skin; what one side has cut in part for the other
 LEAST_MM2 = 1.0
 NOISE_MM, SEED = 0.002, 17          # of a coordinate that is touched, root mean square
 TOUCHED = 100                       # times
@@ -102,8 +102,8 @@ def figures(designed, measured):
     rows = [("farthest place of the blade known to, as the fit tells", far * 1e3, "um")]
     for what, folder in (("as its dimples were measured", measured), ("as if nobody had measured", designed)):
         look = begun(folder, read_job(folder).placed(lies), options=DRAFT_OPTIONS)
-        rows += [row for finished_mm in FINISHED_MM for row in _mismatch(f"{what}, both sides within {finished_mm:g} mm", look.first,
-                                                                         finished_mm)]
+        rows += [row for within_mm in FINISHED_MM
+                 for row in _mismatch(f"{what}, both sides within {within_mm:g} mm", look.first, within_mm)]
         findings = look.drafted().findings
         deepest = {kind: max(f.amount_mm for f in findings if f.kind == kind) for kind in sorted({f.kind for f in findings})}
         kinds = ", ".join(f"{kind} {amount:.4f} mm" for kind, amount in deepest.items())
