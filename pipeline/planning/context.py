@@ -56,6 +56,7 @@ from cuspline.values.known import Known
 
 MESH_DEFLECTION_MM = 0.01
 OFF_MM = 0.1                # of the triangles from the faces, at the most: the mesher may miss what it is asked threefold
+HELD_BY_MM = 0.05           # more than the verdict asks, off fixtures and tables: it judges paths with what they may be off
 FAR_MM = 1000.0             # beyond any stock
 ROUNDING_MM = 1e-4          # kept back from the tolerances for the post's decimals
 LOOK_SHARE, MOST_LOOKS = 0.2, 250       # of the radius between places at which the standing stock is looked up
@@ -361,8 +362,8 @@ class PlanningContext:
 
         Mostly triangles say it.
         """
-        if self._held_by is not None and not is_clear_above(tool, lowest_mm, float(self._held_by.corners_mm[:, :, 2].max()), 0.0,
-                                                            HOLDER_CLEARANCE_MM):
+        if self._held_by is not None and not is_clear_above(tool, lowest_mm, float(self._held_by.corners_mm[:, :, 2].max()), HELD_BY_MM,
+                                                            HOLDER_CLEARANCE_MM + HELD_BY_MM):
             return False
         top = float(self.triangles.vertices_mm[:, 2].max())         # on the faces: none of these is lower
         clear = [is_clear_above(tool, lowest_mm, high, standing_mm) for high in (top, top + OFF_MM)]
@@ -434,7 +435,7 @@ class PlanningContext:
         found = [(self.mesh, self.practice.rough_allowance_mm, None)]
         if self._skin_mm is not None and self._as_cast is not None:
             found.append((self._as_cast, self._skin_mm, None))
-        return found if self._held_by is None else [*found, (self._held_by, 0.0, HOLDER_CLEARANCE_MM)]
+        return found if self._held_by is None else [*found, (self._held_by, HELD_BY_MM, HOLDER_CLEARANCE_MM + HELD_BY_MM)]
 
     @property
     def _skin_mm(self):
@@ -445,14 +446,19 @@ class PlanningContext:
     def _as_cast(self):
         """DropMesh of where a casting's skin still stands; None: nowhere."""
         def made():
-            corners = self.triangles.vertices_mm[self.triangles.triangles]
+            corners, setups = self.triangles.vertices_mm[self.triangles.triangles], self.design.setups
+            is_of = lambda names: np.isin(self.triangles.face_of_triangle, brep.indices_of(self._faces_of_part, brep.named_faces(
+                self._faces_of_part, self.design.predicates, names)))
+            untouched = corners[:0]
             if not self._is_among_others:
-                faces = self._faces_of_part
-                cut = brep.indices_of(faces, brep.named_faces(faces, self.design.predicates, self.setup.faces))
-                corners = corners[~np.isin(self.triangles.face_of_triangle, cut)]
+                corners = corners[~is_of(self.setup.faces)]
             elif not self.piece.cuts:
                 return self.mesh
-            corners = under_skin(corners, self.piece, self.setup.turn, self.practice.rough_allowance_mm)
+            else:               # what no position that is planned cuts stands as it was cast
+                is_cut = is_of({name for s in setups if s.planned_as is None for name in s.faces})
+                corners, untouched = corners[is_cut], corners[~is_cut]
+            under = under_skin(corners, self.piece, self.setup.turn, self.practice.rough_allowance_mm)
+            corners = np.concatenate([untouched, under])
             return DropMesh.from_triangles(corners.reshape(-1, 3), np.arange(3 * len(corners))) if len(corners) else None
 
         return self.once("as cast", made)

@@ -40,6 +40,7 @@ from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import NotOnePass, PlanError
 
 NODES_A_STEP = 5.0          # grid nodes between neighbouring passes on level ground
+PARALLEL_NODES = 3.0        # the same where they are lines: the grid says how far apart they lie, not where they run
 LATERAL_SHARE = 0.02        # of a step, that a move may leave its curve in plan
 BRIDGE_STEPS = 4.0          # gaps in the region up to so many steps are crossed without lifting
 WALL_GRID_STEPS = 1.5       # steps between the grid lines on which waterlines are looked for
@@ -134,7 +135,7 @@ def passes_over(work, tool, candidates, swept=(), is_done=None):
         step = _step_mm(work, tool, ridge_for_step_mm(operation.title, scallop_mm, work.finish))
         cut = lambda field: region_left(field, swept, TOUCH_UP_SHARE * scallop_mm, OVERLAP_STEPS * step, is_done)
         if operation.steepest_deg < 90.0:           # a position among others, that see most of the faces better
-            box = _box_left(work, tool, COARSER * step / NODES_A_STEP, cut)
+            box = _box_left(work, tool, COARSER * step, cut)
             if box is None:
                 return None
     stage = FinishingStage(name=operation.title, allowance_mm=operation.allowance_mm, scallop_mm=scallop_mm)
@@ -146,15 +147,15 @@ def with_fastest(work, plan):
     return fastest(work, ridge_for_step_mm(work.operation.title, work.finish.scallop_mm, work.finish), WIDEST_RADII, plan)
 
 
-def _box_left(work, tool, pitch_mm, cut):
+def _box_left(work, tool, step_mm, cut):
     """((2,), (2,)) lowest and highest x, y within which `cut` leaves something of a coarse region; None: nowhere."""
-    field = _field(work, tool, work.operation.allowance_mm, pitch_mm, may_be_empty=True)
+    field = _field(work, tool, work.operation.allowance_mm, step_mm, may_be_empty=True)
     field = _gentle(field, math.radians(work.operation.steepest_deg), 0.0) if field.is_inside.any() else None
     left = field and cut(field)
     if left is None:
         return None
     at = left.node_xy_mm[left.is_inside]
-    return at.min(axis=0) - pitch_mm, at.max(axis=0) + pitch_mm
+    return at.min(axis=0) - field.pitch_mm, at.max(axis=0) + field.pitch_mm
 
 
 def walls_alone(work, tool, candidates):
@@ -169,7 +170,7 @@ def walls_alone(work, tool, candidates):
         tolerance, ridge_mm = SEMI_TOLERANCE_MM, max(finish.scallop_mm, 2 * SEMI_TOLERANCE_MM) - SEMI_TOLERANCE_MM
     is_flat = tool.cutter.corner_radius_mm == 0.0 and work.corner_of(tool.cutter) is None
     step = FLAT_STEP_SHARE * tool.cutter.radius_mm if is_flat else _step_mm(work, tool, ridge_mm)
-    field = _field(work, tool, operation.allowance_mm, step / NODES_A_STEP, may_be_empty=True)
+    field = _field(work, tool, operation.allowance_mm, step, may_be_empty=True)
     walls = _wall_paths(work, field, tool, ridge_mm, tolerance, step)
     if not walls:
         return None
@@ -197,7 +198,7 @@ def _operation(work, stage, tool, candidates, left_mm, where, before=((), None))
     if (widest := work.operation.stepover_mm) is not None:
         ridge_mm = min(ridge_mm, float(scallop_for_stepover_mm(_across_mm(work, tool), widest, 0.0)[0]))
     step = _step_mm(work, tool, ridge_mm)
-    field = cut(_field(work, tool, allowance_mm, step / NODES_A_STEP, box is not None, box))
+    field = cut(_field(work, tool, allowance_mm, step, _nodes(work.operation), box is not None, box))
     if field is not None and work.operation.steepest_deg < 90.0:
         field = _gentle(field, math.radians(work.operation.steepest_deg), 0.0)
     if field is None:
@@ -318,8 +319,15 @@ def _seen_as(work, cutter):
     return cutter.model_copy(update={"type": "ball", "diameter_mm": 2 * radius, "corner_radius_mm": radius})
 
 
-def _field(work, tool, allowance_mm, pitch_mm, may_be_empty=False, box=None):
-    """Where the ball touches the faces wanted; `box`: ((2,), (2,)) of places that are looked at, all of them unless given."""
+def _nodes(operation):
+    """Grid nodes a step of its passes."""
+    return PARALLEL_NODES if getattr(operation, "strategy", operation.kind) == "parallel" else NODES_A_STEP
+
+
+def _field(work, tool, allowance_mm, step_mm, nodes=NODES_A_STEP, may_be_empty=False, box=None):
+    """Where the ball touches the faces wanted, by so many nodes a step; `box`: ((2,), (2,)) of places that are looked at, all of
+    them unless given."""
+    pitch_mm = step_mm / nodes
     low, high = work.box_of_wanted if box is None else box
     corner = work.corner_of(tool.cutter)
     if corner is not None:
@@ -327,7 +335,7 @@ def _field(work, tool, allowance_mm, pitch_mm, may_be_empty=False, box=None):
         found = tip_field(work.dropper(ball, ball, allowance_mm), work.wanted, (low, high), pitch_mm,
                           ROLL_OVER_SHARE * ball, may_be_empty)
         return replace(found, across=Across(radius_mm=corner.across_mm, widest_mm=WIDEST_RADII * corner.radius_mm))
-    run_over = run_over_mm(NODES_A_STEP * pitch_mm, tool.cutter.radius_mm)
+    run_over = run_over_mm(step_mm, tool.cutter.radius_mm)
     return tip_field(work.dropper_with(tool, allowance_mm), work.wanted, (low, high), pitch_mm, run_over, may_be_empty)
 
 

@@ -2,7 +2,8 @@
 
 A place is seen from a direction where its normal leans no more than a limit from it, a ball touches it without meeting the part
 anywhere else, holder, shank and spindle keep clear, the whole tool of the machine's tables and the fixtures too, and the machine
-can turn there and go to all that is seen.  Directions are taken greedily, the one that adds most area first.
+can turn there and go to all that is seen, with what carries the spindle.  Directions are taken greedily, the one that adds most
+area first.
 """
 
 from dataclasses import dataclass, replace
@@ -15,11 +16,12 @@ from cuspline.planning.context import MESH_DEFLECTION_MM
 from cuspline.planning.cutter_choice import TOUCH_MM
 from cuspline.planning.tool_depth import CLEARANCES_MM, HOLDER_CLEARANCE_MM
 from cuspline.replay.clearance import ClearanceTree
-from cuspline.replay.machine_bodies import round_the_spindle, turned_to, what_holds
+from cuspline.replay.machine_bodies import beside_the_spindle, round_the_spindle, together, turned_to, what_holds
 from cuspline.shop.kinematics import LINEARS
 from cuspline.shop.rotary_way import shortest_way
 from cuspline.surfaces.curvature import sample_faces
 from cuspline.toolpaths.five_axis.clear_axes import AxisSearch
+from cuspline.toolpaths.five_axis.head_room import HeadRoom
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import CutterDoesNotFit, PostError
 from cuspline.values.frames import Frame
@@ -35,6 +37,7 @@ NEARLY = 1e-9               # of a cosine: a place on the border counts
 BALL_MIDDLE = np.zeros((1, 5))      # as a segment of replay/clearance.py
 UP = (0.0, 0.0, 1.0)
 AS_IT_LIES = Frame.of_axes(np.zeros(3), (1, 0, 0), (0, 0, 1))
+COARSELY_MM = 0.5           # of the triangles that a fork or a ram keeps clear of, off the part
 ENDS_MM = 5.0               # of X, Y and Z, that paths keep from: they go a little beyond the places that are looked at
 UNIT_DECIMALS = 11          # of directions: unit vectors as a setup takes them
 
@@ -89,14 +92,14 @@ def positions(solid, indices, library, *, ways=None, steepest_deg=60.0, standing
     if not balls:
         raise CutterDoesNotFit("no position sees anything: the tool library has no ball; add one to the file of --cutters")
     places, mesh_mm, closer = finely
-    mesh = brep.planning_mesh(solid, mesh_mm)
-    tree = ClearanceTree.of_triangles(mesh.vertices_mm, mesh.triangles)
-    look = _Look.at(_some_samples(solid, indices, places), balls, tree, standing_mm)
+    fine, coarse = ((m.vertices_mm, m.triangles) for m in (brep.planning_mesh(solid, mm) for mm in (mesh_mm, COARSELY_MM)))
+    part = ClearanceTree.of_triangles(*fine), coarse
+    look = _Look.at(_some_samples(solid, indices, places), balls, part, standing_mm)
     area = look.samples.area_mm2
     found, left = look.chosen(candidates, np.ones(len(area), bool), steepest_deg, LEAST_SHARE * float(area.sum()))
     if closer is not None:
         more, steepest_deg = closer
-        look = _Look.at(_some_samples(solid, indices, more), balls, tree, standing_mm)
+        look = _Look.at(_some_samples(solid, indices, more), balls, part, standing_mm)
         left = ~look.seen([(p.direction, p.held) for p in found], steepest_deg).any(axis=(0, 1))
         again = [(way, h) for h in _helds(ways) for way in turnable(directions(CLOSER_DEG), h.machine.kinematics, h.frame)]
         added, left = look.chosen(again, left, steepest_deg, LEAST_LEFT_MM2)
@@ -140,10 +143,18 @@ class Held:
         return bool(((joints >= chain.low[linear] + ENDS_MM) & (joints <= chain.high[linear] - ENDS_MM)).all())
 
     def beside_at(self, turned_rad):
-        """ClearanceTree of fixtures and what turns with the part or carries it, part coordinates, the rotaries at (r,); None:
-        there is nothing."""
-        found = what_holds(self.machine, turned_rad, AS_IT_LIES, self.frame, placed(self.fixtures, self.frame, AS_IT_LIES))
-        return None if found is None else ClearanceTree.of_triangles(*found)
+        """(vertices, triangles) of fixtures and what turns with the part or carries it, part coordinates, the rotaries at (r,);
+        None: there is nothing."""
+        return what_holds(self.machine, turned_rad, AS_IT_LIES, self.frame, placed(self.fixtures, self.frame, AS_IT_LIES))
+
+    def head_room(self, turned_rad, way, standing, keep_mm):
+        """HeadRoom over meshes of what stands, or None where the machine has nothing beside the spindle.
+
+        Args:
+            turned_rad: (r,) where the rotaries stand with the tool along `way` (3,).   keep_mm: between head and meshes.
+        """
+        head = beside_the_spindle(self.machine, turned_rad, self.frame)
+        return head and HeadRoom(way, together(standing), head, keep_mm)
 
 
 def directions(apart_deg=RING_DEG):
@@ -241,10 +252,14 @@ class _Look:
     samples: object             # FaceSamples
     balls: list                 # Tools
     on_tools: list              # _Ball of each
+    coarse: tuple               # (vertices, triangles) of the part within COARSELY_MM
+    standing_mm: float
 
     @classmethod
-    def at(cls, samples, balls, tree, standing_mm):
-        return cls(samples, balls, [_Ball.of_tool(tool, tree, samples, standing_mm) for tool in balls])
+    def at(cls, samples, balls, part, standing_mm):
+        """`part`: its ClearanceTree, and coarse triangles."""
+        tree, coarse = part
+        return cls(samples, balls, [_Ball.of_tool(tool, tree, samples, standing_mm) for tool in balls], coarse, standing_mm)
 
     def seen(self, candidates, steepest_deg, wanted=None):
         """(candidates, balls, n) bool: who sees which places; of those that are not wanted (n,) none is asked."""
@@ -258,11 +273,20 @@ class _Look:
                     found[k] = [ball.seen_from(way, gentle) for ball in self.on_tools]
                     continue
                 turned = turned_to(held.machine, held.frame, way)
-                beside = held.beside_at(turned)
+                holds = held.beside_at(turned)
+                beside = holds and ClearanceTree.of_triangles(*holds)
                 found[k] = [ball.seen_from(way, gentle, beside) for ball in self.on_tools]
-                found[k] &= all(held.goes_to(turned, ball.tips_mm(way, seen), ball.length_mm)
-                                for ball, seen in zip(self.on_tools, found[k]))
+                found[k] &= self._comes_to(found[k], way, held, turned, holds)
         return found
+
+    def _comes_to(self, seen, way, held, turned_rad, holds):
+        """Whether the machine goes to all places that balls see (balls, n), and has room there for what carries its spindle."""
+        tips = [ball.tips_mm(way, rows) for ball, rows in zip(self.on_tools, seen)]
+        if not all(held.goes_to(turned_rad, t, ball.length_mm) for ball, t in zip(self.on_tools, tips)):
+            return False
+        room = held.head_room(turned_rad, way, [self.coarse, *filter(None, [holds])],
+                              self.standing_mm + COARSELY_MM + HOLDER_CLEARANCE_MM)
+        return room is None or all(room.is_free(t + ball.length_mm * way) for ball, t in zip(self.on_tools, tips))
 
     def chosen(self, candidates, left, steepest_deg, least_mm2):
         """([Position], (n,) bool: places that they leave), greedily, of places that are left (n,) bool.

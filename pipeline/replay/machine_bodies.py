@@ -96,6 +96,40 @@ def round_the_spindle(machine):
     return tuple(rows)
 
 
+def beside_the_spindle(machine, turned_rad, held):
+    """((v, 3) vertices, (t, 3) triangles), mm, of bodies that go with the tool while rotaries stand still, but for those that
+    `round_the_spindle` holds: as a part sees them, from the spindle's gauge point; None: there are none.
+
+    Args:
+        machine: Machine.   turned_rad: (r,) where its rotaries stand.   held: Frame of the clamping's WCS, seen from the part.
+    """
+    carried = machine.chain[machine.chain.index(BED) + 1:]          # from the bed to the tool
+    still = len(carried) - 1 - next((k for k, link in enumerate(carried[::-1]) if link not in ROTARIES), len(carried) - 1)
+    turned = lambda link, points: _head_turned(machine, carried[:carried.index(link) + 1], turned_rad, points)
+    found = []
+    for body in machine.bodies:
+        if body.link in carried[still:-1]:
+            vertices, triangles = mesh_of(body)
+            found.append((turned(body.link, vertices), triangles))
+    if not found:
+        return None
+    vertices, triangles = together(found)
+    from_gauge = vertices - turned(carried[-1], np.zeros((1, 3)))
+    angles = np.tile(turned_rad, (len(vertices), 1))
+    return held.turn_out(from_link(machine, BED, angles, from_gauge, is_direction=True)), triangles
+
+
+def _head_turned(machine, links, turned_rad, points):
+    """(n, 3) points of the last of links, from the bed, at the zero pose, where they are with the rotaries at (r,) angles."""
+    chain = machine.kinematics
+    for letter in links[::-1]:
+        if letter in ROTARIES:
+            c = chain.letters.index(letter)
+            pivot, angle = chain.pivot_mm[c], np.full(len(points), turned_rad[c - LINEARS])
+            points = _turned(points - pivot, chain.direction[c], angle) + pivot
+    return points
+
+
 def mesh_of(body):
     """(v, 3) vertices, machine coordinates at the zero pose, and (t, 3) triangles of a closed mesh."""
     shape = body.shape
@@ -115,9 +149,9 @@ def _mesh_of_step(path, changed_ns):
     return mesh.vertices_mm, mesh.triangles
 
 
-def from_link(machine, link, angles_rad, points_mm):
-    """(n, 3) points of a link, at the zero pose, as the part sees them while the rotaries stand at angles (n, r)."""
-    return _through(machine, link, angles_rad, points_mm, is_inward=False)
+def from_link(machine, link, angles_rad, points_mm, is_direction=False):
+    """(n, 3) points of a link, at the zero pose, or directions, as the part sees them while the rotaries stand at angles (n, r)."""
+    return _through(machine, link, angles_rad, points_mm, is_inward=False, is_direction=is_direction)
 
 
 def into_link(machine, link, angles_rad, points_mm, is_direction=False):
@@ -128,7 +162,7 @@ def into_link(machine, link, angles_rad, points_mm, is_direction=False):
 def _through(machine, link, angles_rad, points_mm, is_inward, is_direction=False):
     chain, points = machine.kinematics, np.array(points_mm, float)
     links, between = chain.links, machine.chain[:machine.chain.index(link)]     # its own axis moves it and the part alike
-    columns = [chain.letters.index(letter) for letter in between]
+    columns = [chain.letters.index(letter) for letter in between if letter in ROTARIES or not is_direction]
     for c in columns if is_inward else columns[::-1]:
         pivot = 0.0 if is_direction else links.pivot[c]
         angle = angles_rad[:, c - LINEARS] * (-1.0 if is_inward else 1.0)
