@@ -28,7 +28,7 @@ from cuspline.planning.tool_depth import (
 )
 from cuspline.program.program import UPRIGHT, Kind, Moves
 from cuspline.replay.clearance import ClearanceTree
-from cuspline.replay.machine_bodies import round_the_spindle, turned_to, what_holds
+from cuspline.replay.machine_bodies import bodies_with_part, round_the_spindle, together, turned_to, what_holds
 from cuspline.shop.cutters import Tool
 from cuspline.shop.materials import material_named
 from cuspline.shop.practice import ShopFile
@@ -57,6 +57,7 @@ from cuspline.values.known import Known
 MESH_DEFLECTION_MM = 0.01
 OFF_MM = 0.1                # of the triangles from the faces, at the most: the mesher may miss what it is asked threefold
 HELD_BY_MM = 0.05           # more than the verdict asks, off fixtures and tables: it judges paths with what they may be off
+OFF_BODIES_MM = HOLDER_CLEARANCE_MM + HELD_BY_MM
 FAR_MM = 1000.0             # beyond any stock
 ROUNDING_MM = 1e-4          # kept back from the tolerances for the post's decimals
 LOOK_SHARE, MOST_LOOKS = 0.2, 250       # of the radius between places at which the standing stock is looked up
@@ -362,8 +363,8 @@ class PlanningContext:
 
         Mostly triangles say it.
         """
-        if self._held_by is not None and not is_clear_above(tool, lowest_mm, float(self._held_by.corners_mm[:, :, 2].max()), HELD_BY_MM,
-                                                            HOLDER_CLEARANCE_MM + HELD_BY_MM):
+        if self._held_by is not None and not is_clear_above(
+                tool, lowest_mm, float(self._held_by.corners_mm[:, :, 2].max()), HELD_BY_MM, OFF_BODIES_MM):
             return False
         top = float(self.triangles.vertices_mm[:, 2].max())         # on the faces: none of these is lower
         clear = [is_clear_above(tool, lowest_mm, high, standing_mm) for high in (top, top + OFF_MM)]
@@ -435,7 +436,7 @@ class PlanningContext:
         found = [(self.mesh, self.practice.rough_allowance_mm, None)]
         if self._skin_mm is not None and self._as_cast is not None:
             found.append((self._as_cast, self._skin_mm, None))
-        return found if self._held_by is None else [*found, (self._held_by, HELD_BY_MM, HOLDER_CLEARANCE_MM + HELD_BY_MM)]
+        return found if self._held_by is None else [*found, (self._held_by, HELD_BY_MM, OFF_BODIES_MM)]
 
     @property
     def _skin_mm(self):
@@ -543,13 +544,16 @@ class PlanningContext:
 
     @property
     def obstacle_tree(self):
-        """The same with the fixtures' triangles: what no tool may run into."""
-        if not self.fixtures:
-            return self.clearance_tree
-        meshes = [(self.triangles.vertices_mm, self.triangles.triangles), *(f.mesh for f in self.fixtures)]
-        begins = np.cumsum([0, *(len(v) for v, _ in meshes)])
-        return self.once("obstacles", lambda: ClearanceTree.of_triangles(
-            np.vstack([v for v, _ in meshes]), np.vstack([t + first for (_, t), first in zip(meshes, begins)])))
+        """The same with the fixtures and what of the machine moves with the part: what no tool may run into."""
+        def made():
+            carried = bodies_with_part(self.machine, self.setup.turn, self.setup.clamped_frame) if self.machine.rotaries else ()
+            if not self.fixtures and not carried:
+                return self.clearance_tree
+            return ClearanceTree.of_triangles(*together([
+                (self.triangles.vertices_mm, self.triangles.triangles), *(f.mesh for f in self.fixtures),
+                *((b.vertices_mm, b.triangles) for b in carried)]))
+
+        return self.once("obstacles", made)
 
     @cached_property
     def standing(self):

@@ -40,7 +40,8 @@ from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import NotOnePass, PlanError
 
 NODES_A_STEP = 5.0          # grid nodes between neighbouring passes on level ground
-PARALLEL_NODES = 3.0        # the same where they are lines: the grid says how far apart they lie, not where they run
+MANY_NODES, MANY_LINES = 3.0, 100       # the same of so many parallel lines: of a region so wide the borders, which a coarse
+                            # grid sees worse and lays lines for, are a small share; where lines run and end is dropped exactly
 LATERAL_SHARE = 0.02        # of a step, that a move may leave its curve in plan
 BRIDGE_STEPS = 4.0          # gaps in the region up to so many steps are crossed without lifting
 WALL_GRID_STEPS = 1.5       # steps between the grid lines on which waterlines are looked for
@@ -198,7 +199,7 @@ def _operation(work, stage, tool, candidates, left_mm, where, before=((), None))
     if (widest := work.operation.stepover_mm) is not None:
         ridge_mm = min(ridge_mm, float(scallop_for_stepover_mm(_across_mm(work, tool), widest, 0.0)[0]))
     step = _step_mm(work, tool, ridge_mm)
-    field = cut(_field(work, tool, allowance_mm, step, _nodes(work.operation), box is not None, box))
+    field = cut(_field(work, tool, allowance_mm, step, box is not None, box))
     if field is not None and work.operation.steepest_deg < 90.0:
         field = _gentle(field, math.radians(work.operation.steepest_deg), 0.0)
     if field is None:
@@ -319,16 +320,10 @@ def _seen_as(work, cutter):
     return cutter.model_copy(update={"type": "ball", "diameter_mm": 2 * radius, "corner_radius_mm": radius})
 
 
-def _nodes(operation):
-    """Grid nodes a step of its passes."""
-    return PARALLEL_NODES if getattr(operation, "strategy", operation.kind) == "parallel" else NODES_A_STEP
-
-
-def _field(work, tool, allowance_mm, step_mm, nodes=NODES_A_STEP, may_be_empty=False, box=None):
-    """Where the ball touches the faces wanted, by so many nodes a step; `box`: ((2,), (2,)) of places that are looked at, all of
-    them unless given."""
-    pitch_mm = step_mm / nodes
+def _field(work, tool, allowance_mm, step_mm, may_be_empty=False, box=None):
+    """Where the ball touches the faces wanted; `box`: ((2,), (2,)) of places that are looked at, all of them unless given."""
     low, high = work.box_of_wanted if box is None else box
+    pitch_mm = step_mm / (MANY_NODES if _are_many_lines(work.operation, low, high, step_mm) else NODES_A_STEP)
     corner = work.corner_of(tool.cutter)
     if corner is not None:
         ball = corner.ball_radius_mm
@@ -337,6 +332,11 @@ def _field(work, tool, allowance_mm, step_mm, nodes=NODES_A_STEP, may_be_empty=F
         return replace(found, across=Across(radius_mm=corner.across_mm, widest_mm=WIDEST_RADII * corner.radius_mm))
     run_over = run_over_mm(step_mm, tool.cutter.radius_mm)
     return tip_field(work.dropper_with(tool, allowance_mm), work.wanted, (low, high), pitch_mm, run_over, may_be_empty)
+
+
+def _are_many_lines(operation, low, high, step_mm):
+    is_parallel = getattr(operation, "strategy", operation.kind) == "parallel"
+    return is_parallel and float(np.subtract(high, low)[:2].max()) > MANY_LINES * step_mm
 
 
 def run_over_mm(step_mm, radius_mm):

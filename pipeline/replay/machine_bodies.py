@@ -34,21 +34,27 @@ def rotary_links(machine):
     return tuple(found)
 
 
-def bodies_at(machine, rotary_deg, frame, held):
+def bodies_at(machine, rotary_deg, frame, held, links=None):
     """SolidFixture of every such body at rest in an indexed position.
 
     Args:
         machine: Machine.   rotary_deg: (r,) where its rotaries stand.
         frame: values.frames.Frame of the position.   held: of the clamping's WCS; both seen from the part.
+        links: that count; None: `rotary_links`.
     """
     found = []
     for body in machine.bodies:
-        if body.link in rotary_links(machine):
+        if body.link in (rotary_links(machine) if links is None else links):
             vertices, triangles = mesh_of(body)
             turned = from_link(machine, body.link, np.radians(np.tile(rotary_deg, (len(vertices), 1))), vertices)
             wcs = turned - np.array(machine.wcs_origin_mm)
             found.append(SolidFixture(body.name, frame.into(held.out(wcs)), triangles))
     return tuple(found)
+
+
+def bodies_with_part(machine, frame, held):
+    """SolidFixture of every body on the link that carries the part: no axis moves the one past the other.  Arguments as there."""
+    return bodies_at(machine, np.zeros(len(machine.rotaries)), frame, held, machine.chain[:1])
 
 
 def together(meshes):

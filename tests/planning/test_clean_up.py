@@ -13,7 +13,7 @@ from cuspline.design import Design, FacePredicate, Finish, FixtureCylinder, Para
 from cuspline.design.stock import settled
 from cuspline.kernel import brep
 from cuspline.planning.clean_up import _chained, _fall_together, clean_up, squarely_touched
-from cuspline.planning.context import MADE_AGAIN, PlanningContext
+from cuspline.planning.context import HELD_BY_MM, MADE_AGAIN, PlanningContext
 from cuspline.planning.standing_skin import PATCH_MM, halved_until
 from cuspline.planning.strategies.rest import Rest
 from cuspline.planning.tool_depth import HOLDER_CLEARANCE_MM, SHANK_CLEARANCE_MM, is_clear_above
@@ -88,6 +88,20 @@ def test_a_casting_s_skin_stands_no_more_where_an_earlier_setup_has_cut(context)
     assert as_cast.corners_mm[:, :, 2].min() == pytest.approx(0.0, abs=1e-9)            # the base is
 
 
+def test_faces_that_no_position_cuts_are_not_asked_whether_their_skin_still_stands(context):
+    """The same cut takes the skin off the top, which no setup names: in a position among others it counts as cast."""
+    skin = settled(StockSkin(skin_mm=0.9), brep.the_solid(context.design.solid), Practice())
+    cut = program((-9, -9, 40), raster((-5.0, LONG_MM + 5.0), [2.0 + k for k in range(10)], HIGH_MM))
+    piece = Workpiece(blank=skin.shape).after(context.setup.frame, swept_paths(cut, {1: tool("flat", 2)}))
+    position = context.setup.model_copy(update=AMONG_OTHERS)
+    design = replace(context.design, stock=skin, setups=(position,))
+    work = PlanningContext(design, position, catalogue.find_machine("mill_a_on_b"), context.library, piece)
+    _, (as_cast, _, _), _ = work.beside_tools
+    middles, level = as_cast.corners_mm.mean(axis=1), np.ptp(as_cast.corners_mm[:, :, 2], axis=1) < 1e-9
+    top = middles[level & (middles[:, 2] > HIGH_MM - 1e-9)]
+    assert top[:, 1].max() > RADIUS_MM and top[:, 1].min() < -RADIUS_MM
+
+
 def test_triangles_are_halved_to_no_more_than_a_length_and_cover_the_same():
     """Those without area are left out, the others keep theirs and the way they look."""
     whole = np.random.default_rng(5).normal(scale=20.0, size=(40, 3, 3))
@@ -107,7 +121,7 @@ def test_the_spindle_keeps_clear_of_the_table_that_stands_beside_an_indexed_posi
     works = [PlanningContext(replace(context.design, setups=(s,)), s, mill, context.library) for s in (beside, context.setup)]
     ball = next(t for t in works[0].library.of_type("ball") if t.cutter.radius_mm == RADIUS_MM)
     tip = np.array([[x_mm, 0.0, HIGH_MM]])
-    lower = 160.0 + HOLDER_CLEARANCE_MM - (HIGH_MM + ball.length_mm + 40.0)
+    lower = 160.0 + HOLDER_CLEARANCE_MM + HELD_BY_MM - (HIGH_MM + ball.length_mm + 40.0)
     assert lower > 0 and works[1].missing_mm(ball, tip) == [0.0]
     assert works[0].missing_mm(ball, tip) == pytest.approx([lower if is_over_it else 0.0], abs=0.02)
 
@@ -119,7 +133,7 @@ def test_a_cutter_stays_a_millimetre_off_the_fixtures_of_an_indexed_position(con
     mill = catalogue.find_machine("mill_a_on_b")
     work = PlanningContext(replace(context.design, setups=(beside,)), beside, mill, context.library)
     ball = next(t for t in work.library.of_type("ball") if t.cutter.radius_mm == RADIUS_MM)
-    grown = RADIUS_MM + HOLDER_CLEARANCE_MM
+    grown = RADIUS_MM + HOLDER_CLEARANCE_MM + HELD_BY_MM
     off = np.array([0.0, 1.0, 3.0, 5.0, 6.9, 7.1])             # of the ball's axis from the post's
     over = np.sqrt(np.maximum(grown ** 2 - np.maximum(off - 2.0, 0.0) ** 2, 0.0)) - RADIUS_MM
     tips = np.column_stack([8.0 + off, 0 * off, np.full(6, HIGH_MM + 2.0)])

@@ -21,6 +21,7 @@ from cuspline.planning.plan import plan_setup
 from cuspline.planning.tool_depth import HOLDER_CLEARANCE_MM
 from cuspline.program.program import Kind, tilt_rad
 from cuspline.replay.clearance import ToolMoves, shank_and_holder, tool_segments
+from cuspline.shop.machines import Body, Box
 from cuspline.shop.practice import Practice
 from cuspline.toolpaths.five_axis.clear_axes import AxisSearch
 from cuspline.toolpaths.five_axis.even_turns import even_angles
@@ -35,7 +36,7 @@ def planned(part, machine="mill_trunnion_ac", fixtures=()):
     left = settled(StockSkin(skin_mm=0.2), brep.the_solid(part.solid), Practice())
     finish = part.setups[0].operations[1]
     setup = part.setups[0].model_copy(update={"operations": (finish,), "fixtures": fixtures})
-    return plan_setup(replace(part, stock=left), setup, mill(machine), LIBRARY)
+    return plan_setup(replace(part, stock=left), setup, mill(machine) if isinstance(machine, str) else machine, LIBRARY)
 
 
 @cache
@@ -196,17 +197,23 @@ def test_a_turn_that_sets_in_at_once_is_evened_out_until_the_rotaries_follow():
     assert use.of(axes(even_angles(least, 16)), along)[1] == 1
 
 
-def test_a_fixture_is_kept_off_as_the_part_is():
-    """A clamp beside the far end of the floor, taller than the wall: there the tool leans away, and stands without the clamp."""
-    clamp = FixtureBox(name="clamp", min_mm=(35.0, -8.0, 0.0), max_mm=(41.0, 8.0, 60.0))
-    part = design(Standing(form="wall", tall_mm=30.0))
+def test_a_fixture_and_a_rib_of_the_table_are_kept_off_as_the_part_is():
+    """A clamp beside the far end of the floor, taller than the wall: there the tool leans away, and stands without the clamp.  What
+    the table carries in the same place, by the machine's file, is the same; on the cradle it would swing away."""
+    low, high = np.array([(35.0, -8.0, 0.0), (41.0, 8.0, 60.0)])
+    clamp = FixtureBox(name="clamp", min_mm=tuple(low), max_mm=tuple(high))
+    part, plain = design(Standing(form="wall", tall_mm=30.0)), mill()
+    low, high = (part.setups[0].frame.into(c[None])[0] + plain.wcs_origin_mm for c in (low, high))
 
-    def near_deg(fixtures):
-        moves = planned(part, fixtures=fixtures).operations[-1].moves
+    def near_deg(fixtures=(), link=None):
+        rib = () if link is None else (Body(name="rib", link=link, shape=Box(low_mm=tuple(low), high_mm=tuple(high))),)
+        machine = plain.model_copy(update={"bodies": (*plain.bodies, *rib)})
+        moves = planned(part, machine, fixtures).operations[-1].moves
         near = (moves.kind == Kind.FEED) & (moves.end_mm[:, 2] < FLOOR_MM + 4.0) & (moves.end_mm[:, 0] > 23.0)
         return np.degrees(np.arccos(np.clip(moves.axis[near, 2], -1, 1)))
 
-    assert near_deg(()).max() < 0.5 and near_deg((clamp,)).min() > 5.0
+    assert near_deg().max() < 0.5 and near_deg(link="A").max() < 0.5
+    assert near_deg((clamp,)).min() > 5.0 and near_deg(link="C") == pytest.approx(near_deg((clamp,)), abs=1e-6)
 
 
 def test_nothing_that_clears_is_an_error_that_says_so():

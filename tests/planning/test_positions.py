@@ -11,7 +11,8 @@ from built_parts import ran
 from cuspline.app.catalogue import find_library, find_machine
 from cuspline.design import FixtureBox, Setup
 from cuspline.kernel import brep
-from cuspline.planning.positions import Held, directions, positions, turnable
+from cuspline.planning.positions import AS_IT_LIES, Held, directions, positions, turnable
+from cuspline.replay.machine_bodies import beside_the_spindle, turned_to
 from cuspline.values.errors import CutterDoesNotFit
 from cuspline.values.frames import Frame
 
@@ -141,3 +142,36 @@ def test_the_command_prints_what_a_setup_takes(tmp_path):
     assert told.returncode == 0 and len(rows) == 5 and left["left_mm2"] > 0 and left["at_mm"][2] == -10
     refused = ran("positions", cube, "--faces", "top")
     assert refused.returncode == 2 and "faces of a STEP file have no predicates" in refused.stderr
+
+
+GANTRY = find_machine("mill_gantry_5axis")
+AXIS_MM, RAM_MM = 180.0, 920.0          # from the gauge line to where A and B meet, and to the ram's middle, at the zero pose
+
+
+@pytest.mark.parametrize("way", [(0, 0, 1), (0.6, 0, 0.8), (0.3, -0.5, 0.8)])
+def test_fork_and_ram_stand_where_the_rotaries_carry_them(way):
+    """A and B meet in the fork's middle, 180 mm behind the gauge line; the ram stays upright over that point."""
+    held = Held.on(GANTRY, Frame.of_axes((5, 6, 7), (0, 0, 1), (1, 0, 0)))
+    seen = held.frame.turn_out(np.array([way]) / np.linalg.norm(way))[0]
+    vertices, triangles = beside_the_spindle(GANTRY, turned_to(GANTRY, held.frame, seen), held.frame)
+    upright = held.frame.rotation[:, 2]
+    ram, fork = vertices[:8], vertices[8:]
+    assert ram.mean(axis=0) == pytest.approx(AXIS_MM * seen + (RAM_MM - AXIS_MM) * upright, abs=1e-9)
+    assert (fork.min(axis=0) + fork.max(axis=0)) / 2 == pytest.approx(AXIS_MM * seen, abs=0.2)
+    assert triangles.max() == len(vertices) - 1
+    assert beside_the_spindle(find_machine("mill_a_on_b"), np.zeros(2), held.frame) is None
+
+
+def test_where_the_fork_would_meet_the_part_is_not_seen():
+    """The fork reaches 170 mm to each side, the spindle 70: a tower 120 mm beside a plate is in its way once it is so high."""
+    tool = max(LIBRARY.of_type("ball"), key=lambda t: t.length_mm)
+    alone, low, under_fork = LIBRARY.model_copy(update={"tools": (tool,)}), SIDE_MM / 4, SIDE_MM / 2 + tool.length_mm + 70.0
+    held = replace(Held.on(GANTRY, AS_IT_LIES), ways=np.array([[0.0, 0.0, 1.0]]))
+    tall = under_fork + 10
+    for beside, height, is_in_the_way in ((120, under_fork - 30, False), (120, tall, True), (220, tall, False)):
+        plinth = cq.Workplane().center(beside / 2, 0).box(beside + 20, 10, low, centered=(True, True, False))
+        tower = cq.Workplane().center(beside + 10, 0).box(20, 10, height, centered=(True, True, False))
+        solid = brep.the_solid(CUBE.union(plinth).union(tower))
+        top = [k for k, f in enumerate(brep.faces_of(solid)) if abs(f.middle.point_mm[0, 2] - SIDE_MM / 2) < 1e-6]
+        found = positions(solid, top, alone, ways=held, steepest_deg=30)
+        assert (found.left_mm2 > 0) == is_in_the_way
