@@ -3,7 +3,8 @@
     python bench/leaning.py FOLDER [dome saddle blade]     whole verdicts on every preset with rotary axes, a table for RESULTS.md;
                                                            builds into FOLDER, what stands there is not built again
     python bench/leaning.py FOLDER cutters                 the dome by what is no ball, on machines of three kinds: the same table
-    python bench/leaning.py FOLDER many                    a dome of 96 x 72 mm in fine passes: what planning and judging cost
+    python bench/leaning.py FOLDER many                    domes of 96 x 72 and 128 x 96 mm in fine passes: what planning and
+                                                           judging cost
 """
 
 import json
@@ -36,7 +37,7 @@ CUTTERS = {             # tool, how it leads in degrees, cusp in mm
 OF_CUTTERS_MM = 0.01        # their tolerance
 MACHINES_OF_CUTTERS = ("mill_trunnion_ac", "mill_head_table_bc", "mill_head_head")
 MANY = {"wide": 3, "scallop_mm": 0.012, "tolerance_mm": 0.003}
-MORE = {"wide": 3, "scallop_mm": 0.0015, "tolerance_mm": 0.0005}       # planned alone
+MORE = {"wide": 4, "scallop_mm": 0.001, "tolerance_mm": 0.0005}        # planned alone
 # where the job is held, mm beside the preset's zero: as it is, heads that lean come down too low, tables are in the way
 HELD_MM = {**dict.fromkeys(("mill_head_head", "mill_gantry_5axis", "mill_head_table_bc", "mill_head_table"), (0, 0, 60)),
            "mill_table_table": (0, 110, 70), "mill_a_on_b": (0, 0, 80)}

@@ -35,7 +35,7 @@ class Surface(Parameters):
     passes: Literal["zig-zag", "one-way"] = "zig-zag"
     scallop_mm: float = Field(default=0.3, gt=0, le=1)
     tolerance_mm: float = Field(default=0.02, gt=0, le=0.1, description="of the profile and of gouges")
-    wide: float = Field(default=1.0, ge=1, le=3, description="times as wide and as long")
+    wide: float = Field(default=1.0, ge=1, le=4, description="times as wide and as long")
 
 
 def poles_mm(form, wide=1.0):
