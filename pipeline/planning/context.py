@@ -447,19 +447,16 @@ class PlanningContext:
     def _as_cast(self):
         """DropMesh of where a casting's skin still stands; None: nowhere."""
         def made():
-            corners, setups = self.triangles.vertices_mm[self.triangles.triangles], self.design.setups
-            is_of = lambda names: np.isin(self.triangles.face_of_triangle, brep.indices_of(self._faces_of_part, brep.named_faces(
-                self._faces_of_part, self.design.predicates, names)))
-            untouched = corners[:0]
-            if not self._is_among_others:
-                corners = corners[~is_of(self.setup.faces)]
-            elif not self.piece.cuts:
+            is_one_of_many, faces = self._is_among_others, self._faces_of_part
+            if is_one_of_many and not self.piece.cuts:
                 return self.mesh
-            else:               # what no position that is planned cuts stands as it was cast
-                is_cut = is_of({name for s in setups if s.planned_as is None for name in s.faces})
-                corners, untouched = corners[is_cut], corners[~is_cut]
-            under = under_skin(corners, self.piece, self.setup.turn, self.practice.rough_allowance_mm)
-            corners = np.concatenate([untouched, under])
+            setups = [s for s in self.design.setups if s.planned_as is None] if is_one_of_many else [self.setup]
+            cut = brep.named_faces(faces, self.design.predicates, {name for s in setups for name in s.faces})
+            is_cut = np.isin(self.triangles.face_of_triangle, brep.indices_of(faces, cut))
+            corners = self.triangles.vertices_mm[self.triangles.triangles]
+            # of positions what none cuts stands as cast; of a setup by itself its own faces are clean from its beginning
+            untouched, asked = (corners[~is_cut], corners[is_cut]) if is_one_of_many else (corners[:0], corners[~is_cut])
+            corners = np.concatenate([untouched, under_skin(asked, self.piece, self.setup.turn, self.practice.rough_allowance_mm)])
             return DropMesh.from_triangles(corners.reshape(-1, 3), np.arange(3 * len(corners))) if len(corners) else None
 
         return self.once("as cast", made)

@@ -335,6 +335,7 @@ def _field(work, tool, allowance_mm, step_mm, may_be_empty=False, box=None):
 
 
 def _are_many_lines(operation, low, high, step_mm):
+    """Whether an operation lays more than MANY_LINES parallel passes over a box between (2,) corners, whatever their bearing."""
     is_parallel = getattr(operation, "strategy", operation.kind) == "parallel"
     return is_parallel and float(np.subtract(high, low)[:2].max()) > MANY_LINES * step_mm
 

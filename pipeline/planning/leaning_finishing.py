@@ -331,7 +331,7 @@ def _refuse_contact(work, moves, tool):
     axes = np.vstack([moves.axis[:1], moves.axis])
     way = ToolMoves(start_tips_mm=moves.starts_mm, end_tips_mm=moves.end_mm, start_axes=axes[:-1], end_axes=axes[1:])
     into, keep = margins_mm(work)
-    part = work.obstacle_tree, " or ".join(("the part", *["a fixture"] * bool(work.fixtures), "the table"))
+    part = work.obstacle_tree, "the part or what holds it"
     standing = work.standing, "what roughing has left standing"
     shank, holder = shank_and_holder(tool)
     for what, segments, (tree, of_what), margin in (

@@ -37,7 +37,6 @@ NEARLY = 1e-9               # of a cosine: a place on the border counts
 BALL_MIDDLE = np.zeros((1, 5))      # as a segment of replay/clearance.py
 UP = (0.0, 0.0, 1.0)
 AS_IT_LIES = Frame.of_axes(np.zeros(3), (1, 0, 0), (0, 0, 1))
-COARSELY_MM = 0.5           # of the triangles that a fork or a ram keeps clear of, off the part
 ENDS_MM = 5.0               # of X, Y and Z, that paths keep from: they go a little beyond the places that are looked at
 UNIT_DECIMALS = 11          # of directions: unit vectors as a setup takes them
 
@@ -92,14 +91,15 @@ def positions(solid, indices, library, *, ways=None, steepest_deg=60.0, standing
     if not balls:
         raise CutterDoesNotFit("no position sees anything: the tool library has no ball; add one to the file of --cutters")
     places, mesh_mm, closer = finely
-    fine, coarse = ((m.vertices_mm, m.triangles) for m in (brep.planning_mesh(solid, mm) for mm in (mesh_mm, COARSELY_MM)))
-    part = ClearanceTree.of_triangles(*fine), coarse
-    look = _Look.at(_some_samples(solid, indices, places), balls, part, standing_mm)
+    meshed = brep.planning_mesh(solid, mesh_mm)
+    mesh = meshed.vertices_mm, meshed.triangles
+    tree = ClearanceTree.of_triangles(*mesh)
+    look = _Look.at(_some_samples(solid, indices, places), balls, mesh, tree, standing_mm)
     area = look.samples.area_mm2
     found, left = look.chosen(candidates, np.ones(len(area), bool), steepest_deg, LEAST_SHARE * float(area.sum()))
     if closer is not None:
         more, steepest_deg = closer
-        look = _Look.at(_some_samples(solid, indices, more), balls, part, standing_mm)
+        look = _Look.at(_some_samples(solid, indices, more), balls, mesh, tree, standing_mm)
         left = ~look.seen([(p.direction, p.held) for p in found], steepest_deg).any(axis=(0, 1))
         again = [(way, h) for h in _helds(ways) for way in turnable(directions(CLOSER_DEG), h.machine.kinematics, h.frame)]
         added, left = look.chosen(again, left, steepest_deg, LEAST_LEFT_MM2)
@@ -151,7 +151,8 @@ class Held:
         """HeadRoom over meshes of what stands, or None where the machine has nothing beside the spindle.
 
         Args:
-            turned_rad: (r,) where the rotaries stand with the tool along `way` (3,).   keep_mm: between head and meshes.
+            turned_rad: (r,) where the rotaries stand with the tool along `way` (3,).
+            standing: [((v, 3) vertices, (t, 3) triangles)], part coordinates.   keep_mm: between head and meshes.
         """
         head = beside_the_spindle(self.machine, turned_rad, self.frame)
         return head and HeadRoom(way, together(standing), head, keep_mm)
@@ -252,14 +253,13 @@ class _Look:
     samples: object             # FaceSamples
     balls: list                 # Tools
     on_tools: list              # _Ball of each
-    coarse: tuple               # (vertices, triangles) of the part within COARSELY_MM
-    standing_mm: float
+    mesh: tuple                 # (vertices, triangles) of the part
+    standing_mm: float          # on it
 
     @classmethod
-    def at(cls, samples, balls, part, standing_mm):
-        """`part`: its ClearanceTree, and coarse triangles."""
-        tree, coarse = part
-        return cls(samples, balls, [_Ball.of_tool(tool, tree, samples, standing_mm) for tool in balls], coarse, standing_mm)
+    def at(cls, samples, balls, mesh, tree, standing_mm):
+        """`tree`: ClearanceTree of the mesh."""
+        return cls(samples, balls, [_Ball.of_tool(tool, tree, samples, standing_mm) for tool in balls], mesh, standing_mm)
 
     def seen(self, candidates, steepest_deg, wanted=None):
         """(candidates, balls, n) bool: who sees which places; of those that are not wanted (n,) none is asked."""
@@ -284,8 +284,8 @@ class _Look:
         tips = [ball.tips_mm(way, rows) for ball, rows in zip(self.on_tools, seen)]
         if not all(held.goes_to(turned_rad, t, ball.length_mm) for ball, t in zip(self.on_tools, tips)):
             return False
-        room = held.head_room(turned_rad, way, [self.coarse, *filter(None, [holds])],
-                              self.standing_mm + COARSELY_MM + HOLDER_CLEARANCE_MM)
+        standing = [self.mesh] if holds is None else [self.mesh, holds]
+        room = held.head_room(turned_rad, way, standing, self.standing_mm + HOLDER_CLEARANCE_MM)
         return room is None or all(room.is_free(t + ball.length_mm * way) for ball, t in zip(self.on_tools, tips))
 
     def chosen(self, candidates, left, steepest_deg, least_mm2):

@@ -42,9 +42,9 @@ def bodies_at(machine, rotary_deg, frame, held, links=None):
         frame: values.frames.Frame of the position.   held: of the clamping's WCS; both seen from the part.
         links: that count; None: `rotary_links`.
     """
-    found = []
+    found, links = [], rotary_links(machine) if links is None else links
     for body in machine.bodies:
-        if body.link in (rotary_links(machine) if links is None else links):
+        if body.link in links:
             vertices, triangles = mesh_of(body)
             turned = from_link(machine, body.link, np.radians(np.tile(rotary_deg, (len(vertices), 1))), vertices)
             wcs = turned - np.array(machine.wcs_origin_mm)
@@ -110,11 +110,11 @@ def beside_the_spindle(machine, turned_rad, held):
         machine: Machine.   turned_rad: (r,) where its rotaries stand.   held: Frame of the clamping's WCS, seen from the part.
     """
     carried = machine.chain[machine.chain.index(BED) + 1:]          # from the bed to the tool
-    still = len(carried) - 1 - next((k for k, link in enumerate(carried[::-1]) if link not in ROTARIES), len(carried) - 1)
+    last_linear = max((k for k, link in enumerate(carried) if link not in ROTARIES), default=0)
     turned = lambda link, points: _head_turned(machine, carried[:carried.index(link) + 1], turned_rad, points)
     found = []
     for body in machine.bodies:
-        if body.link in carried[still:-1]:
+        if body.link in carried[last_linear:-1]:
             vertices, triangles = mesh_of(body)
             found.append((turned(body.link, vertices), triangles))
     if not found:

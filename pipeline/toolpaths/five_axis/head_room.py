@@ -10,10 +10,13 @@ from functools import cached_property
 import numpy as np
 
 from cuspline.toolpaths.drop.disc_tops import DiscTops
+from cuspline.values.arrays import for_kernel
+from cuspline.values.compiled import njit
 from cuspline.values.frames import Frame
+from cuspline.values.rows import X, Y, Z
 
 PITCH_MM = 5.0              # of both grids
-OWN_SHARE, BESIDE_SHARE = 0.75, 1.5     # of the pitch: a disc that holds a node's cell; and, wherever both grids lie, the other's
+OWN_SHARE, BESIDE_SHARE = 0.75, 1.5     # of the pitch: a node's cell reaches 0.71; with the rounding from grid to grid 1.41
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,16 +30,13 @@ class HeadRoom:
 
     def is_free(self, gauge_mm):
         """Whether the head keeps clear, and may be lifted off along the tool, with its gauge point at each of (n, 3) places."""
+        if not len(gauge_mm):
+            return True
         low, hangs = self._head
         corner, stands = self._standing
-        for place in self._along.into(gauge_mm):
-            first = np.rint((place[:2] + low - corner) / PITCH_MM).astype(np.int64)
-            begin, end = np.maximum(first, 0), np.minimum(first + hangs.shape, stands.shape)
-            if (begin < end).all():
-                (i, j), (m, n) = begin - first, end - first
-                if (place[2] + hangs[i:m, j:n] < stands[begin[0]:end[0], begin[1]:end[1]] + self.keep_mm).any():
-                    return False
-        return True
+        places = self._along.into(gauge_mm)
+        first = np.rint((places[:, :2] + low - corner) / PITCH_MM).astype(np.int64)
+        return _is_above(for_kernel(first, np.int64), for_kernel(places[:, Z]), hangs, stands + self.keep_mm)
 
     @cached_property
     def _along(self):
@@ -63,3 +63,16 @@ def _tops(vertices, triangles, disc_mm):
     nodes = low + PITCH_MM * np.stack(np.meshgrid(*map(np.arange, count), indexing="ij"), axis=2).reshape(-1, 2)
     box = np.column_stack([vertices[:, :2].min(axis=0), vertices[:, :2].max(axis=0)]).ravel()
     return low, DiscTops.of_triangles(vertices[triangles], box, disc_mm).over(nodes).reshape(count)
+
+
+@njit
+def _is_above(first, z, hangs, stands):
+    """Whether a grid of heights, its first node on nodes (n, 2) of another and z (n,) higher, is nowhere below that one."""
+    (rows, columns), (all_rows, all_columns) = hangs.shape, stands.shape
+    for place in range(len(z)):
+        i, j = first[place, X], first[place, Y]
+        for k in range(max(i, 0), min(i + rows, all_rows)):
+            for m in range(max(j, 0), min(j + columns, all_columns)):
+                if z[place] + hangs[k - i, m - j] < stands[k, m]:
+                    return False
+    return True
