@@ -46,7 +46,7 @@ from cuspline.stock.swept import swept_paths
 from cuspline.stock.workpiece import Workpiece
 from cuspline.values.amounts import counted
 from cuspline.values.checkpoints import kept_beside
-from cuspline.values.errors import InputError, PostError
+from cuspline.values.errors import CutterDoesNotFit, InputError, PostError
 from cuspline.values.findings import Finding
 from cuspline.values.input_files import sha256_of
 from cuspline.values.interruption import held_off
@@ -72,6 +72,7 @@ class Order:
     design: object              # design.Design
     machine: object
     library: object
+    spare: tuple = ()           # libraries with more cutters, where none is named: taken in turn where the one before leaves a face
     shop: ShopFile = ShopFile()     # what the shop decides
     accepted: tuple[str, ...]
     out: Path
@@ -100,7 +101,7 @@ def build(order, say=lambda text: None):
     except OSError as error:
         raise InputError(f"--out {order.out}: cannot be written ({error.strerror}); name another folder") from None
     try:
-        result = _made(order, work, say)
+        result = _made_with_enough(order, work, say)
         target = order.out if result.is_ok or order.last_stage == DRAFT else _rejected(order.out)
         with held_off():
             _swap_in(work, target)
@@ -111,6 +112,24 @@ def build(order, say=lambda text: None):
     finally:
         with held_off():
             shutil.rmtree(work, ignore_errors=True)
+
+
+class _FaceLeft(Exception):
+    """Most of a face that a setup names is not cut."""
+
+
+def _made_with_enough(order, work, say):
+    """As `_made`; where the cutters fit nowhere, or cut nothing of a face, again with the spare ones beside them."""
+    while True:
+        try:
+            return _made(order, work, say)
+        except (CutterDoesNotFit, _FaceLeft):
+            if not order.spare:
+                raise
+        say(f"{order.design.name}: the cutters do not get to all faces; planned again with smaller ones beside them")
+        shutil.rmtree(work)
+        work.mkdir()
+        order = replace(order, library=order.spare[0], spare=order.spare[1:])
 
 
 def _made(order, work, say):
@@ -318,6 +337,8 @@ class _Trial:
         job, first, finish = self.posted(own), None, self.order.design.finish
         for number in range(1, mending.OWN_ROUNDS + 1 if any(p.is_mended for p in own) else 1):
             first = self.begun(job)
+            if self.order.spare and "face_not_cut" not in self.order.accepted and first.first.leaves_faces:
+                raise _FaceLeft
             share = 1.0 - mending.MARGIN
             deep = first.first.gouges_mm(share * finish.gouge_mm)
             wants = [mending.wants_of(found, finish, mm, share) for (found, _), mm in zip(first.first.residuals, deep)]

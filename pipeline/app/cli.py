@@ -34,7 +34,8 @@ SYSTEM_ADVICE = {errno.ENOSPC: NO_ROOM, errno.EDQUOT: NO_ROOM, errno.EFBIG: NO_R
                  errno.EPERM: NO_LEAVE, errno.EROFS: NO_LEAVE, errno.EMFILE: "close other programs, or raise ulimit -n"}
 REPORT = "report.html"
 WARMING = 4               # processes that compile, of up to 1 GB each
-LIBRARY = "tool library: a JSON file, small_mills or inch_mills"
+LIBRARIES = "JSON file, small_mills, small_balls or inch_mills"
+LIBRARY = f"tool library: a {LIBRARIES}"
 AsJson = Annotated[bool, typer.Option("--json", help="machine-readable")]
 
 
@@ -498,7 +499,7 @@ def _range_in_words(rotary):
 
 @app.command()
 def cutters(
-        library: Annotated[Optional[Path], typer.Argument(help="JSON file, small_mills or inch_mills")] = None,
+        library: Annotated[Optional[Path], typer.Argument(help=LIBRARIES)] = None,
         json: AsJson = False,
         foreign: Annotated[Optional[Path], typer.Option(
             "--import", help="Fusion (.json, .tools) or FreeCAD (.fctb, .fctl) library to read in")] = None,

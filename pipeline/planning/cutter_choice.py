@@ -370,6 +370,7 @@ def leftover_mm(tool, mesh, samples, allowance_mm, rows, is_short=False):
     return np.maximum(lowest - points[:, 2], 0.0) * np.abs(normals[:, 2])
 
 
-def leftover_rows(samples):
-    """Evenly chosen sample rows, enough to judge what a cutter leaves."""
-    return np.linspace(0, len(samples.point_mm) - 1, min(LEFTOVER_POINTS, len(samples.point_mm))).astype(int)
+def leftover_rows(samples, is_wanted=None):
+    """Evenly chosen sample rows, enough to judge what a cutter leaves; is_wanted: (n,) bool, of these alone."""
+    rows = np.arange(len(samples.point_mm)) if is_wanted is None else np.flatnonzero(is_wanted)
+    return rows[np.linspace(0, len(rows) - 1, min(LEFTOVER_POINTS, len(rows))).astype(int)]

@@ -100,8 +100,7 @@ def before_passes(work, ball, is_reached):
         work: PlanningContext of an operation that lists no clearing for its ball.
         ball: its Tool.   is_reached: (n,) bool, sample points that it finishes.
     """
-    rows = leftover_rows(work.samples)
-    rows = rows[is_reached[rows]]
+    rows = leftover_rows(work.samples, is_reached)
     if ball.cutter.type != "ball" or not _is_too_deep(work, ball, work.stock_mm, rows):
         return []
     practice = work.practice
@@ -169,7 +168,8 @@ def cleared(work, stage, tool, candidates, stock, rows, asked):
         lift_s=_stops_s(work.machine) if stage.counts_stops else 0.0,
         keep_out=(*(f.box_mm for f in work.fixtures if f.is_box), *work.beyond_reach(d / 2)),
         keep_clear=tuple(DropMesh.from_triangles(*f.mesh) for f in work.fixtures if not f.is_box),
-        keep_out_mm=practice.keep_out_mm, lowest_mm=_higher_of(_lowest_of(work, tool, stage.allowance_mm), stage.within))
+        keep_out_mm=practice.keep_out_mm, lowest_mm=_higher_of(_lowest_of(work, tool, stage.allowance_mm), stage.within),
+        flutes_mm=cutter.flute_length_mm, relief_mm=cutter.radius_mm - cutter.neck_diameter_mm / 2)
     try:
         clearing = clear(rules)
     except NothingToCut:                # a casting near to its shape: the finish takes it, or a semi-finish before

@@ -1,7 +1,8 @@
 """What the cutters take off on their way, read from the events of the replay's z-map.
 
 The way of all feed moves is laid out in one line, each millimetre in diameters of its cutter, and cut into bins.  A node
-that a move lowers counts in the bin where the cutter's front meets it.  Chips of a window of bins:
+that a move lowers counts in the bin where the cutter's front meets it.  What follows a rapid begins with a bin of its own.
+Chips of a window of bins:
 
     slot depth = volume / (length x diameter): a slot of the cutter's full width that is as deep
 
@@ -22,6 +23,7 @@ from cuspline.values.compiled import njit
 BINS = 8                  # of a diameter of way
 WINDOW = 4                # bins looked at together: half a diameter, so that a pass that nicks an edge is seen
 MOST_BINS = 4_000_000     # a longer way has longer bins
+INSIDE = 1e-6             # of a bin: so far inside its first bin lies a way's beginning, whatever is rounded
 BEGIN_X, BEGIN_Y, END_X, END_Y, CENTER_X, CENTER_Y, SENSE = range(7)     # columns of a move's ends
 FIRST_X, FIRST_Y, PITCH = range(3)                                       # of a grid
 SAME_RAD = 1e-9           # an arc that turns by less is a whole circle
@@ -56,17 +58,16 @@ def loads(posted, tools, zmap, events, first, before_mm, columns=None):
     feeds = (posted.kind != Kind.RAPID) & (diameter > 0)
     length = np.where(feeds, lengths_mm(posted), 0.0)
     way = np.divide(length, diameter, out=np.zeros(len(posted)), where=feeds)
-    starts = np.concatenate([[0.0], np.cumsum(way)])
-    bin_way = max(1.0 / BINS, starts[-1] / MOST_BINS)
-    count = int(starts[-1] / bin_way) + 1
+    cut = np.cumsum(posted.kind == Kind.RAPID)          # windows do not reach over rapids, to another place or tool
+    bin_way = max(1.0 / BINS, way.sum() / MOST_BINS)
+    starts, count = _begins(way, cut, bin_way)
     taken = _lowered_mm(events, np.asarray(before_mm, float).ravel(), columns)
     volume, deepest, plunge = _taken(*events[:2], taken, first, zmap.nx, np.array([*zmap.origin_mm, zmap.pitch_mm]), count,
-                                     bin_way, starts[:-1], way, feeds, _ends(posted), diameter)
-    of = np.searchsorted(starts[1:], (np.arange(count) + 0.5) * bin_way).clip(max=len(posted) - 1)
-    cut = np.cumsum(posted.kind == Kind.RAPID)          # windows do not reach over rapids, to another place or tool
+                                     bin_way, starts, way, feeds, _ends(posted), diameter)
+    of = np.maximum(np.searchsorted(starts, (np.arange(count) + 2 * INSIDE) * bin_way, side="right") - 1, 0)
     slot, sure = _windows(volume * zmap.pitch_mm ** 2, deepest * zmap.pitch_mm, bin_way, diameter[of], cut[of])
-    first_bin = (starts[:-1] / bin_way).astype(np.int64)
-    last_bin = np.minimum((starts[1:] / bin_way).astype(np.int64), count - 1)
+    first_bin = (starts / bin_way).astype(np.int64)
+    last_bin = np.minimum(((starts + way) / bin_way).astype(np.int64), count - 1)
     best = _best_of(sure, first_bin, last_bin)
     down = np.nan_to_num(np.maximum(posted.start_mm[:, 2] - posted.end_mm[:, 2], 0.0))
     return Loads(slot_mm=np.where(feeds, slot[best], 0.0), sure_mm=np.where(feeds, sure[best], 0.0),
@@ -74,6 +75,16 @@ def loads(posted, tools, zmap, events, first, before_mm, columns=None):
                  fall=np.divide(down, length, out=np.zeros(len(posted)), where=length > 0),
                  takes=np.bincount(events[0][first:].astype(np.int64), minlength=len(posted))[:len(posted)] > 0,
                  nodes=length * diameter / zmap.pitch_mm ** 2)
+
+
+def _begins(way, cut, bin_way):
+    """Where the way (n,) of each move begins in one line of bins, and how many bins there are: each cut, numbers (n,) that rise by
+    one at most, begins with a bin of its own."""
+    sums = np.bincount(cut, way)
+    bins = np.ceil(sums / bin_way + 2 * INSIDE).astype(np.int64)
+    first, before = np.cumsum(bins) - bins, np.cumsum(sums) - sums
+    inside = np.cumsum(way) - way - before[cut]
+    return (first[cut] + INSIDE) * bin_way + np.maximum(inside, 0.0), max(int(bins.sum()), 1)
 
 
 def of_tools(posted, tools, figure):

@@ -33,7 +33,7 @@ from cuspline.verification.excess_proof import ExcessProof, is_bare, prove_exces
 from cuspline.verification.faces_not_cut import faces_not_cut, point_left_mm
 from cuspline.verification.in_process import PART
 from cuspline.verification.process_findings import process_of
-from cuspline.verification.reach import REACHABLE, drop_mesh, upper
+from cuspline.verification.reach import DOWNWARD, REACHABLE, drop_mesh, upper
 from cuspline.verification.reporter import MISSED, NOISE_MM, Reporter, allowed_mm, rounded
 from cuspline.verification.residuals import (
     LIMIT_MM,
@@ -251,6 +251,13 @@ class FirstLook:
     def proofs(self):
         """ExcessProof of every program: what stands between the samples."""
         return tuple(_excess_proof(self.part, c, found, self.judging.say) for c, (found, _) in zip(self.clampings, self.residuals))
+
+    @property
+    def leaves_faces(self):
+        """Whether most of a face that a setup names, and that looks up at its tools, is not cut."""
+        left = (found.reach[group] for c, (found, _) in zip(self.clampings, self.residuals)
+                for group in _not_cut(self.part, c, found, self.judging.tools))
+        return any((reach != DOWNWARD).any() for reach in left)
 
     def gouges_mm(self, limit_mm):
         """Deepest gouge of every program, [mm]: what its samples show; where that is beyond a limit, along the nearest way of some.

@@ -226,10 +226,13 @@ def _free_form(work, may_take_floors=False):
     semi = lambda: freeform_finishing.finish(work, _semi_finish(work), tools[0], ())
     operations = roughed(work, tools[0], chain[0].adds, semi)
     finishing = [freeform_finishing.finish(work, _finish(work), tools[0], candidates)]
-    for tool in tools[1:]:
-        rest = freeform_finishing.rest(work, finishing, tool, candidates)
-        finishing += [rest] if rest is not None else []
-    return operations + finishing, reached
+    made = operations + finishing
+    for link in chain[1:]:
+        rest = freeform_finishing.rest(work, finishing, link.tool, candidates)
+        if rest is not None:        # in a gap that no larger cutter enters the whole stock stands
+            made += [*roughing.before_passes(work.of(work.operation, [*work.planned, *made]), link.tool, link.adds), rest]
+            finishing.append(rest)
+    return made, reached
 
 
 def _upright(work):
@@ -346,15 +349,15 @@ def _lean_alone(work):
 
 
 def _corners(work, floor, planned):
-    """[the smallest ball that reaches it where the flat cutter leaves too much of the level faces], or []."""
+    """The smallest ball where the flat cutter leaves too much of the level faces, and what that must clear before; [] nowhere."""
     left = ~floor.is_reached & np.isin(work.samples.face, floor.levels)
     if work.samples.area_mm2[left].sum() <= CORNER_SHARE * work.samples.area_mm2.sum():
         return []
     mine = work.on(work.operation, floor.levels, planned)
-    chain, candidates, _ = choose_finishing(work.finishing_library, mine.samples, work.mesh, work.practice.rough_allowance_mm,
-                                            work.finishing_work())
+    chain, candidates, rows = choose_finishing(work.finishing_library, mine.samples, work.mesh, work.practice.rough_allowance_mm,
+                                               work.finishing_work())
     made = freeform_finishing.rest(mine, planned, chain[-1].tool, candidates)
-    return [made] if made is not None else []
+    return [*roughing.before_passes(mine, chain[-1].tool, rows), made] if made is not None else []
 
 
 def _by_flat_cutter(work, floor):

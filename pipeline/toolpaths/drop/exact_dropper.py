@@ -16,42 +16,49 @@ from cuspline.toolpaths.drop.droppers import Dropper, checked_cutter
 from cuspline.values import fixed_math as fixed
 from cuspline.values.arrays import frozen
 
-SPACING_MM = 0.1            # of points on edges; nearer to a corner than that the edge may be its neighbour
+SPACING_MM = 0.1            # of points on edges
 MOST_POINTS = 5000          # on one edge
 LEANING = 1e-3              # between the face's normal and the cutter's
-LOOKED_AT = 12              # nearest points looked through for an edge of the face touched
+LOOKED_AT = 12              # nearest chords looked through for an edge of the face touched
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class EdgeNeighbours:
-    """Points along the edges of some faces, each with the faces on both sides (the same on a seam)."""
+    """Short chords along the edges of some faces, each with the faces on both sides (the same on a seam)."""
 
-    tree: cKDTree
+    tree: cKDTree               # of their middles
+    half_mm: np.ndarray         # (n, 3) from the middle to the end
     sides: np.ndarray           # (n, 2)
 
     @classmethod
     def of_faces(cls, faces):
         """From `brep.Face` values; face indices count in this order."""
-        points, sides = [np.zeros((0, 3))], [np.zeros((0, 2), int)]
+        lines, sides = [np.zeros((1, 3))], [np.zeros((0, 2), int)]
         for (first, edge), *others in brep.edges_of_faces(faces):
             length = GCPnts_AbscissaPoint.Length_s(BRepAdaptor_Curve(edge))
-            points.append(brep.edge_points(edge, min(int(length / SPACING_MM) + 3, MOST_POINTS))[0])
-            sides.append(np.tile((first, others[-1][0] if others else first), (len(points[-1]), 1)))
+            lines.append(brep.edge_points(edge, min(int(length / SPACING_MM) + 3, MOST_POINTS))[0])
+            sides.append(np.tile((first, others[-1][0] if others else first), (len(lines[-1]) - 1, 1)))
         for k, face in enumerate(faces):
             for curve, low, high in proud_curves(face):
                 line = GeomAdaptor_Curve(curve, low, high)
                 count = min(int(GCPnts_AbscissaPoint.Length_s(line) / SPACING_MM) + 3, MOST_POINTS)
                 along = [line.Value(low + (high - low) * n / (count - 1)) for n in range(count)]
-                points.append(np.array([(p.X(), p.Y(), p.Z()) for p in along]))
-                sides.append(np.full((count, 2), k))
-        return cls(tree=cKDTree(np.vstack(points)), sides=frozen(np.vstack(sides), (None, 2), "sides", int))
+                lines.append(np.array([(p.X(), p.Y(), p.Z()) for p in along]))
+                sides.append(np.full((count - 1, 2), k))
+        middles, halves = (np.vstack([(line[1:] + way * line[:-1]) / 2 for line in lines]) for way in (1, -1))
+        return cls(tree=cKDTree(middles), half_mm=frozen(halves, (None, 3), "half_mm"),
+                   sides=frozen(np.vstack(sides), (None, 2), "sides", int))
 
     def beside(self, points_mm, face):
         """(n,) the face on the other side of the edge of `face` (n,) nearest to each point."""
         count = min(LOOKED_AT, self.tree.n)
-        near = self.sides[self.tree.query(points_mm, k=count)[1].reshape(len(points_mm), count)]
-        fits = (near == face[:, None, None]).any(axis=2)
-        sides = near[np.arange(len(face)), fits.argmax(axis=1)]
+        near = self.tree.query(points_mm, k=count)[1].reshape(len(points_mm), count)
+        half, sides = self.half_mm[near], self.sides[near]
+        arm = points_mm[:, None] - self.tree.data[near]
+        share = np.clip((arm * half).sum(axis=2) / np.maximum((half ** 2).sum(axis=2), 1e-300), -1.0, 1.0)
+        fits = (sides == face[:, None, None]).any(axis=2)
+        away = np.where(fits, fixed.lengths(arm - share[..., None] * half), np.inf)
+        sides = sides[np.arange(len(face)), away.argmin(axis=1)]
         other = np.where(sides[:, 0] == face, sides[:, 1], sides[:, 0])
         return np.where(fits.any(axis=1), other, NO_FACE)
 

@@ -39,6 +39,8 @@ class ClearingRules:
     keep_clear: tuple = ()          # DropMesh values of other things that it stays clear of
     keep_out_mm: float = 0.0        # how far
     lowest_mm: object = None        # function (n, 2) -> (n,) tips that the holder allows; None: all
+    flutes_mm: float = np.inf       # height above which the neck follows, which must meet no remains,
+    relief_mm: float = 0.0          # and how much slimmer it is, of the radius
 
     @property
     def highest_ridge_mm(self):

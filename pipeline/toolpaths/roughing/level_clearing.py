@@ -113,6 +113,7 @@ class _Job:
     def levels(self):
         """(level, level above) in cutting order."""
         top, forced = float(self.rules.stock_max_mm[2]), self._forced_levels()
+        self.lowest = forced[-1]
         for gap_top, gap_bottom in zip([top, *forced], forced):
             count = max(1, math.ceil((gap_top - gap_bottom) / self.rules.stepdown_mm - 1e-9))
             coarse = np.linspace(gap_top, gap_bottom, count + 1)
@@ -145,7 +146,7 @@ class _Job:
             return
         inside = self._inside(level)
         for inset in INSETS:
-            ground = self._ground(material, inside, inset * FIT_MM)
+            ground = self._ground(material, inside, inset * FIT_MM, above)
             cut = LevelRuns(ground, self.grid, self.rules, self.writer, level, (self.sure_stock, self.bored))
             runs = cut.made()
             if all(self.writer.keeps_allowance(run, level) for run in runs):
@@ -175,9 +176,12 @@ class _Job:
         inside = level_distance_mm(self.grid, is_free, lambda xy: self.is_free_at(xy, level)) / self.grid.pitch_mm
         return turn + inner_distance(inside, turn)
 
-    def _ground(self, material_mm, inside, inset_mm):
+    def _ground(self, material_mm, inside, inset_mm, above):
+        """LevelGround of a level under one `above`: where the neck comes by later, it leaves less than the neck is slimmer."""
         rules, pitch = self.rules, self.grid.pitch_mm
-        shallow_mm = max(rules.threshold_mm, 2 * self.thin_mm)
+        neck_passes = above - self.lowest > rules.flutes_mm
+        leaves_mm = min(rules.threshold_mm, rules.relief_mm - inset_mm - self.hidden_mm) if neck_passes else rules.threshold_mm
+        shallow_mm = max(leaves_mm, 2 * self.thin_mm)
         return LevelGround(material_mm / pitch, inside - inset_mm / pitch, rules.radius_mm / pitch,
                            self.thin_mm / pitch, self.hidden_mm / pitch, shallow_mm / pitch)
 
