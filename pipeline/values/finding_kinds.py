@@ -41,8 +41,8 @@ KINDS = {
             "a face that a setup names, and most of which is not cut, since no cutter of the shop gets there",
             "A ring groove of 3 mm between upright walls, and no cutter narrower than 3 mm; a counterbore of 6 mm, and no flat "
             "cutter as small; a face that looks away from the tool.",
-            "Add a cutter that is narrow enough to the file of `--cutters`, give the face to a setup that looks at it, or, if it "
-            "is made elsewhere, take it out of the setup's `faces`. Less than half of a face, or an inner corner that stays "
+            "Add a cutter that is narrow enough to the file of `--cutters` (where none is named, `small_mills` and `small_balls` "
+            "have been tried), give the face to a setup that looks at it, or, if it is made elsewhere, take it out of the setup's `faces`. Less than half of a face, or an inner corner that stays "
             "rounder than drawn, is no finding: report and verify.json list both under what is not reached."),
         "tab_cut": (
             "a tab that a contour was to leave does not stand",

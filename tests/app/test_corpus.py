@@ -38,7 +38,7 @@ def test_a_part_of_the_corpus_becomes_a_solid_that_every_stage_can_read(name, tm
     assert built(corpus_parts.write_case(name, 0, "parallel", tmp_path), tmp_path) == 0
 
 
-@pytest.mark.parametrize("name,strategy", [("terraces", ""), ("revolved", "spiral")])
+@pytest.mark.parametrize("name,strategy", [("terraces", ""), ("revolved", "spiral"), ("holes_in_a_plate", "")])
 def test_a_part_of_the_corpus_is_verified_at_the_first_try(name, strategy, tmp_path):
     assert built(corpus_parts.write_case(name, 0, strategy, tmp_path), tmp_path, "verify") == 0
 

@@ -9,8 +9,10 @@ from troublesome_parts import FINISH, PARTS, design_of, two_sided
 
 from cuspline.app import catalogue
 from cuspline.app.build import Order, build
+from cuspline.app.request import Request
+from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
 from cuspline.kernel import brep
-from cuspline.values.errors import DesignError
+from cuspline.values.errors import CutterDoesNotFit, DesignError
 
 STRATEGIES = {"knife_edge": "parallel", "pole_and_apex": "constant_scallop", "closed_face": "boundary",
               "slivers": "parallel", "hole_and_islands": "constant_scallop"}
@@ -46,6 +48,23 @@ def test_a_part_cut_from_both_sides(tmp_path):
     # places in plan.json are the part's: the bottom's hollow is below
     tops = [s["operations"][-1]["min_concave_place_mm"][2] for s in plan["setups"]]
     assert tops[0] > 0 > tops[1]
+
+
+def test_where_no_cutters_are_named_smaller_ones_than_the_usual_are_taken_for_a_gap_that_these_do_not_enter(tmp_path):
+    """A groove of 3.4 mm with a round foot: the usual balls begin at 4 mm, the library of the smallest at 2."""
+    block = cq.Workplane().box(14, 10, 6).cut(cq.Workplane().box(20, 3.4, 4).edges("|X").fillet(1.2).translate((0, 0, 3)))
+    groove = FacePredicate(name="groove", at_least=3, center_min_mm=(-6.9, -4.9, 0.9), center_max_mm=(6.9, 4.9, 2.9))
+    design = Design(name="groove", description="groove", parameters=Parameters(), solid=block, predicates=(groove,),
+                    material="aluminium_6061", stock=StockBox(min_mm=(-7, -5, -3), max_mm=(7, 5, 3)),
+                    finish=Finish(scallop_mm=0.08, profile_tolerance_mm=0.01, gouge_mm=0.01),
+                    setups=(Setup(name="setup-1", faces=("groove",), wcs_in_words="middle"),))
+    told = []
+    _, result = Request(design=design, stage="plan", out=tmp_path / "groove").built(told.append)
+    operations = json.loads((result.folder / "plan.json").read_text())["setups"][0]["operations"]
+    assert {o["tool"]["name"] for o in operations} == {"ball 2 mm"}
+    assert sum("planned again with smaller ones" in line for line in told) == 2
+    with pytest.raises(CutterDoesNotFit, match="narrower than the smallest, radius 2.000 mm"):
+        Request(design=design, stage="plan", cutters="tools", out=tmp_path / "groove").built()
 
 
 def test_several_solids_and_an_open_shell_are_refused_by_name():

@@ -191,3 +191,15 @@ def test_a_drill_goes_straight_down_but_for_rounding(aside_mm, wanted):
     hole = [rapid(0, 0, 5), feed(aside_mm, -aside_mm, -15), rapid(aside_mm, -aside_mm, 300)]
     found = run(hole, tools={1: drill.model_copy(update={"number": 1})})
     assert [f.kind for f in found if f.kind == "overload"] == wanted
+
+
+@pytest.mark.parametrize("short_mm", [0.5, 1.0, 1.9])
+def test_chips_of_a_drill_are_not_those_of_the_move_after_it(short_mm):
+    """A short way down through the air by 4 mm follows a counterbore of 10 mm: behind a rapid begins a bin of its own."""
+    drill = next(t for t in catalogue.find_library(None).tools if t.cutter.type == "drill" and t.cutter.diameter_mm == 10)
+    tools = {1: drill.model_copy(update={"number": 1}), 2: tool("flat", 4, number=2, limits={"slot_depth_mm": 1.0})}
+    hole = [rapid(0, 0, 0.5), feed(0, 0, -3), rapid(0, 0, 50)]
+    after = [rapid(10, 0, 50), rapid(10, 0, 5), feed(10, 0, 5 - short_mm), rapid(10, 0, 5), rapid(-30, 0, 5), feed(-30, 0, -0.5),
+             feed(-15, 0, -0.5), rapid(-15, 0, 300)]
+    found = run([*hole, *after], tools=tools, tool=[1] * len(hole) + [2] * len(after))
+    assert [f for f in found if f.kind == "overload"] == []

@@ -41,3 +41,19 @@ def test_the_face_beside_an_edge_is_the_other_one_and_a_seam_has_the_same_on_bot
     neighbours = EdgeNeighbours.of_faces(faces)
     assert neighbours.beside(rim, np.array([top]))[0] == side and neighbours.beside(rim, np.array([side]))[0] == top
     assert neighbours.beside(seam, np.array([side]))[0] == side
+
+
+def test_a_place_on_the_border_lies_beside_the_border_also_where_another_edge_of_its_face_ends():
+    """Floor and round foot of a rib: a ball that hung over the border near the end of the line between them seemed to lie on
+    that, and passes led on until it fell off."""
+    part = cq.Workplane().box(20, 10, 4).union(cq.Workplane().box(4, 10, 4).translate((0, 0, 4)))
+    feet = part.edges("|Y").edges(cq.selectors.BoxSelector((-3, -9, 1.9), (3, 9, 2.1)))
+    faces = brep.faces_of(brep.the_solid(feet.fillet(1.0)))
+    at = lambda *place: int(np.argmin([np.linalg.norm(f.middle.point_mm[0] - place) for f in faces]))
+    floor, foot, side = at(-6.5, 0, 2), at(-2.3, 0, 2.3), at(0, -5, 2)
+    neighbours, across = EdgeNeighbours.of_faces(faces), np.linspace(1e-3, 0.5, 200)
+    border, line = np.tile((-3.0, -5.0, 2.0), (2, 200, 1))
+    border[:, 0] -= across
+    line[:, 1] += across
+    assert (neighbours.beside(border, np.full(200, floor)) == side).all()
+    assert (neighbours.beside(line, np.full(200, floor)) == foot).all()

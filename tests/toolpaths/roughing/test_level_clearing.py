@@ -238,3 +238,17 @@ def test_a_hole_is_entered_at_each_level_from_the_level_before():
     helix = (moves.kind >= Kind.ARC_CW) & (moves.end_mm[:, 2] < moves.starts_mm[:, 2] - 1e-9)
     fallen = (moves.starts_mm - moves.end_mm)[helix, 2].sum()
     assert levels > 6 and 13.0 - 1e-6 <= fallen <= 13.0 + 0.5 * levels + 1e-6        # each begins half a millimetre over the stock
+
+
+def test_where_the_neck_comes_by_deeper_no_more_is_left_as_too_thin_than_the_neck_is_slimmer():
+    """A rest cutter leaves 0.4 mm; its neck is 0.35 mm slimmer and follows 5 mm above the tip: the last 5 mm may keep more."""
+    slot = BOX.cut(cq.Workplane().box(60, 8.5, 20).translate((22, 17, 11)))
+    high = np.array((44.0, 34.0, 12.0))
+    job = _Job(_rules(_mesh(slot), radius_mm=2.0, threshold_mm=0.4, stock_max_mm=high, stock_mm=box_stock((0.0, 0.0, 0.0), high),
+                      flutes_mm=5.0, relief_mm=0.35))
+    lowest = min(level for level, _ in job.levels())
+    inside = job._inside(8.0)
+    beside_neck = inside * job.grid.pitch_mm > -(2.0 - 0.35)
+    for above, is_all in ((12.0, True), (lowest + 5.1, True), (lowest + 4.9, False)):
+        ground = job._ground(job._material(8.0), inside, 0.0, above)
+        assert ground._in_reach[beside_neck].all() == is_all
