@@ -25,6 +25,8 @@ LOOKED_AT = 500             # places of it, before all are
 SURE_SHARE = 0.95           # of its deepest slot, that a ball takes at once: what stands is known at samples only
 LAYER_SHARE = 0.8           # of it, that one takes in each of several layers
 RAPIDS_OF_A_LIFT = 3        # up, across, down
+WALL = 1e-6                 # of a unit normal's z: below it a wall is upright
+WORTH_SHARE = 0.5           # of what a ball would meet: a smaller one that clears before it leaves no more
 LEFT_PERCENTILE = 99.5      # of the places finished: what roughing leaves there
 
 
@@ -43,6 +45,9 @@ class RoughingStage:
 
 def roughed(work, ball, is_reached, semi_finish):
     """The operations before the finish.
+
+    In a hole hardly wider than the ball no helix has room: what stands beside its upright walls, along which passes do not come
+    down layer by layer either, is taken by a smaller one.
 
     Args:
         work: PlanningContext.
@@ -71,9 +76,24 @@ def roughed(work, ball, is_reached, semi_finish):
     if _is_too_deep(work, ball, stock, rows):
         operation, stock, left = cleared(work, rest, ball, (), stock, rows, Clearing())
         operations.append(operation)
+    upright = rows[np.isin(work.samples.face[rows], _upright_faces(work.samples))]
+    for tool in (t for t in work.library.of_type("ball") if t.cutter.diameter_mm < ball.cutter.diameter_mm):
+        if not _is_too_deep(work, ball, stock, upright):
+            break
+        operation, after, left_after = cleared(work, rest, tool, (), stock, rows, Clearing())
+        if _met_mm(work, ball, after, upright) <= WORTH_SHARE * _met_mm(work, ball, stock, upright):
+            operations.append(operation)
+            stock, left = after, left_after
     if left > limit:
         operations += _in_layers(work, semi_finish(), _met_mm(work, ball, stock, rows))
     return [o for o in operations if o is not None]
+
+
+def _upright_faces(samples):
+    """(k,) numbers of faces all of whose samples stand upright."""
+    steepest = np.zeros(samples.face.max(initial=0) + 1)
+    np.maximum.at(steepest, samples.face, np.abs(samples.normal[:, 2]))
+    return np.flatnonzero(steepest < WALL)
 
 
 def _in_layers(work, passes, met_mm):

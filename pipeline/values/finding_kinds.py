@@ -42,8 +42,9 @@ KINDS = {
             "A ring groove of 3 mm between upright walls, and no cutter narrower than 3 mm; a counterbore of 6 mm, and no flat "
             "cutter as small; a face that looks away from the tool.",
             "Add a cutter that is narrow enough to the file of `--cutters` (where none is named, `small_mills` and `small_balls` "
-            "have been tried), give the face to a setup that looks at it, or, if it is made elsewhere, take it out of the setup's `faces`. Less than half of a face, or an inner corner that stays "
-            "rounder than drawn, is no finding: report and verify.json list both under what is not reached."),
+            "have been tried), give the face to a setup that looks at it, or, if it is made elsewhere, take it out of the "
+            "setup's `faces`. Less than half of a face, or an inner corner that stays rounder than drawn, is no finding: report "
+            "and verify.json list both under what is not reached."),
         "tab_cut": (
             "a tab that a contour was to leave does not stand",
             "`Contour(tabs=4)` states bridges of 4 x 1 mm, and a move edited by hand goes through one of them.",

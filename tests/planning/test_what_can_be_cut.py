@@ -268,3 +268,14 @@ def test_a_short_tool_is_the_last_choice():
                                                          leaves_mm=leaves, candidate=lambda best: best)
     assert choose_roughing((at(1, 5.0, 0.1), at(2, 0.0, 3.0)), 0.3)[0].tool.number == 2
     assert choose_roughing((at(1, 5.0, 0.1), at(2, 9.0, 3.0)), 0.3)[0].tool.number == 1
+
+
+def test_a_hole_hardly_wider_than_its_finishing_ball_is_cleared_by_a_smaller_one():
+    """7 mm, for which the library has no drill, and a ball of 6: no helix has room, and it would go down into the whole stock."""
+    plate = cq.Workplane().box(22, 20, 10).cut(cq.Workplane().circle(3.5).extrude(20, both=True))
+    upper = FacePredicate(name="cut", at_least=2, normal=(0, 0, 1), normal_within_deg=91.0, center_min_mm=(-10.9, -9.9, -9),
+                          center_max_mm=(10.9, 9.9, 9))
+    design = part(plate, upper, StockBox(min_mm=(-11, -10, -5), max_mm=(11, 10, 6)), Auto(strategy="parallel"))
+    made = plan_setup(design, design.setups[0], MACHINE, SHOP).operations
+    diameter = {o.name: o.tool.cutter.diameter_mm for o in made}
+    assert diameter["finish"] == 6.0 and diameter["rest rough"] == 4.0
