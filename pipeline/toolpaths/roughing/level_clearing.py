@@ -77,6 +77,7 @@ class _Job:
         self.bored = []             # (level, (centre x, centre y, radius) of a helix down to it)
         self.writer = ClearingWriter(rules)
         self.done, self.most, self.left_mm3 = [], 0.0, 0.0
+        self.forced = self._forced_levels()
 
     def tip_mm(self, xy_mm):
         """(n,) lowest tips that keep allowance, margins and a distance from what else stands there."""
@@ -112,9 +113,8 @@ class _Job:
 
     def levels(self):
         """(level, level above) in cutting order."""
-        top, forced = float(self.rules.stock_max_mm[2]), self._forced_levels()
-        self.lowest = forced[-1]
-        for gap_top, gap_bottom in zip([top, *forced], forced):
+        top = float(self.rules.stock_max_mm[2])
+        for gap_top, gap_bottom in zip([top, *self.forced], self.forced):
             count = max(1, math.ceil((gap_top - gap_bottom) / self.rules.stepdown_mm - 1e-9))
             coarse = np.linspace(gap_top, gap_bottom, count + 1)
             for above, level in zip(coarse[:-1], coarse[1:]):
@@ -179,7 +179,7 @@ class _Job:
     def _ground(self, material_mm, inside, inset_mm, above):
         """LevelGround of a level under one `above`: where the neck comes by later, it leaves less than the neck is slimmer."""
         rules, pitch = self.rules, self.grid.pitch_mm
-        neck_passes = above - self.lowest > rules.flutes_mm
+        neck_passes = above - self.forced[-1] > rules.flutes_mm
         leaves_mm = min(rules.threshold_mm, rules.relief_mm - inset_mm - self.hidden_mm) if neck_passes else rules.threshold_mm
         shallow_mm = max(leaves_mm, 2 * self.thin_mm)
         return LevelGround(material_mm / pitch, inside - inset_mm / pitch, rules.radius_mm / pitch,

@@ -246,7 +246,7 @@ def test_where_the_neck_comes_by_deeper_no_more_is_left_as_too_thin_than_the_nec
     high = np.array((44.0, 34.0, 12.0))
     job = _Job(_rules(_mesh(slot), radius_mm=2.0, threshold_mm=0.4, stock_max_mm=high, stock_mm=box_stock((0.0, 0.0, 0.0), high),
                       flutes_mm=5.0, relief_mm=0.35))
-    lowest = min(level for level, _ in job.levels())
+    lowest = job.forced[-1]
     inside = job._inside(8.0)
     beside_neck = inside * job.grid.pitch_mm > -(2.0 - 0.35)
     for above, is_all in ((12.0, True), (lowest + 5.1, True), (lowest + 4.9, False)):
