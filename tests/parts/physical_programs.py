@@ -106,7 +106,7 @@ def _terrace():
         for y in (-2.0, 2.5, 7.0, 11.5):
             _lane(rough, [(-12.0, y, z), (72.0, y, z)], 1500)
     finish = MoveWriter((-6.0, 0.0, HIGH_MM[2] + CLEARANCE_MM))
-    for y in np.arange(0.0, 12.1, 1.2):
+    for y in np.arange(1.2, 12.1, 1.2):         # without roughing the first is heavier than a strip of nodes can hide
         _lane(finish, [(-6.0, y, 15.5), (66.0, y, 15.5)], 1200)
     return _operation("rough", 3, rough, 8000.0), _operation("finish", 9, finish, 12000.0)
 
