@@ -69,9 +69,12 @@ def tip_paths(curves, field, rules):
     if not len(along):
         return []
     dense = dense_tips(scale, field.dropper, along, run, rules.tolerance_mm)
+    if not len(dense.run):
+        return []
     rows = merged_rows(dense, field.dropper, rules.tolerance_mm, rules.lateral_mm)
-    pieces = np.split(dense.tip_mm[rows], np.flatnonzero(np.diff(dense.run[rows])) + 1)
-    return _bridged(pieces, curve_of_run, curves, field.dropper, quarter, rules)
+    run = dense.run[rows]
+    first = np.flatnonzero(np.diff(run, prepend=-1))
+    return _bridged(np.split(dense.tip_mm[rows], first[1:]), curve_of_run[run[first]], curves, field.dropper, quarter, rules)
 
 
 def _inside(scale, along, field):
@@ -137,17 +140,17 @@ def _with_short_runs(scale, along, curve, inside, field):
     return (np.r_[along, more][order], np.r_[curve, owner][order], np.r_[inside, _inside(scale, more, field)][order])
 
 
-def _bridged(pieces, curve_of_run, curves, dropper, quarter, rules):
+def _bridged(pieces, curve_of_piece, curves, dropper, quarter, rules):
     """Paths, those of one curve joined over short gaps."""
     paths, growing = [], []
     for k, piece in enumerate(pieces):
         growing.append(piece)
-        same = k + 1 < len(pieces) and curve_of_run[k + 1] == curve_of_run[k]
+        same = k + 1 < len(pieces) and curve_of_piece[k + 1] == curve_of_piece[k]
         over = _over(piece[-1], pieces[k + 1][0], dropper, quarter, rules) if same else None
         if over is not None:
             growing.append(over)
             continue
-        curve = int(curve_of_run[k])
+        curve = int(curve_of_piece[k])
         paths.append(TipPath(tips_mm=np.vstack(growing), is_closed=curves[curve].is_closed, curve=curve))
         growing = []
     return paths

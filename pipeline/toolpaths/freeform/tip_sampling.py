@@ -67,6 +67,8 @@ def dense_tips(scale, dropper, along_mm, run, tolerance_mm):
     """
     allowed = LOW_SHARE * tolerance_mm
     tips, normals, low = _dropped(dropper, scale.at(along_mm), allowed)
+    held = _held(tips, run)
+    along_mm, run, tips, normals, low = along_mm[held], run[held], tips[held], normals[held], low[held]
     rows = [np.column_stack([along_mm, tips, run, np.zeros(len(run)), low])]    # along, z, run, place in a step, low
     same = np.flatnonzero(np.diff(run) == 0)
     ends = np.column_stack([along_mm[same], along_mm[same + 1]])
@@ -92,6 +94,13 @@ def dense_tips(scale, dropper, along_mm, run, tolerance_mm):
         ends, z, low, owner = pairs(spots), pairs(all_z), pairs(all_low), np.repeat(owner[split], 4)
         n = np.stack([all_n[split, :-1], all_n[split, 1:]], axis=2).reshape(-1, 2, 3)
     return _in_order(scale, np.vstack(rows))
+
+
+def _held(tips, run):
+    """(n,) bool: stations with something beneath, of runs that keep two: one that ends where the cutter just grazes a wall may
+    come out on either side of it when it is asked again."""
+    held = np.isfinite(tips)
+    return held & (np.bincount(run, held, minlength=1) >= 2)[run]
 
 
 def _dropped(dropper, xy, allowed_mm):
@@ -128,6 +137,8 @@ def _in_order(scale, rows):
     """Rows sorted along the runs; a step's rows stand after its first and before its last tip."""
     rows = rows[np.lexsort((rows[:, 3], rows[:, 0], rows[:, 2]))]
     run = rows[:, 2].astype(int)
+    if not len(rows):
+        return DenseTips(tip_mm=np.zeros((0, 3)), run=run, is_corner=np.zeros(0, bool), low_mm=np.zeros(0))
     near = lambda a, b: (np.abs(a[:, 0] - b[:, 0]) < 1e-12) & (np.abs(a[:, 1] - b[:, 1]) < 1e-12)
     again = np.r_[False, near(rows[1:], rows[:-1]) & (np.diff(run) == 0)]
     step = rows[:, 3] != 0
