@@ -19,7 +19,6 @@ from cuspline.values.arrays import frozen
 SPACING_MM = 0.1            # of points on edges
 MOST_POINTS = 5000          # on one edge
 LEANING = 1e-3              # between the face's normal and the cutter's
-CORNER_MM = 1e-6            # edges no farther than that from a place meet in it
 LOOKED_AT = 12              # nearest chords looked through for an edge of the face touched
 
 
@@ -50,12 +49,8 @@ class EdgeNeighbours:
         return cls(tree=cKDTree(middles), half_mm=frozen(halves, (None, 3), "half_mm"),
                    sides=frozen(np.vstack(sides), (None, 2), "sides", int))
 
-    def beside(self, points_mm, face, normals):
-        """(n,) the face on the other side of the edge of `face` (n,) nearest to each point.
-
-        Where edges end in one corner that is the one which `normals` (n, 3) of the cutter there are squarest to: over the end
-        of a ridge it rolls on across the border.
-        """
+    def beside(self, points_mm, face):
+        """(n,) the face on the other side of the edge of `face` (n,) nearest to each point."""
         count = min(LOOKED_AT, self.tree.n)
         near = self.tree.query(points_mm, k=count)[1].reshape(len(points_mm), count)
         half, sides = self.half_mm[near], self.sides[near]
@@ -63,9 +58,7 @@ class EdgeNeighbours:
         share = np.clip((arm * half).sum(axis=2) / np.maximum((half ** 2).sum(axis=2), 1e-300), -1.0, 1.0)
         fits = (sides == face[:, None, None]).any(axis=2)
         away = np.where(fits, fixed.lengths(arm - share[..., None] * half), np.inf)
-        leans = np.abs((half * normals[:, None]).sum(axis=2)) / np.maximum(fixed.lengths(half), 1e-300)
-        nearest = away <= away.min(axis=1, initial=np.inf)[:, None] + CORNER_MM
-        sides = sides[np.arange(len(face)), np.where(nearest & fits, leans, np.inf).argmin(axis=1)]
+        sides = sides[np.arange(len(face)), away.argmin(axis=1)]
         other = np.where(sides[:, 0] == face, sides[:, 1], sides[:, 0])
         return np.where(fits.any(axis=1), other, NO_FACE)
 
@@ -108,6 +101,6 @@ class ExactDropper(Dropper):
             is_edge[held] |= leans
         contact[~held] = normal[~held] = np.nan
         beside = np.full(len(held), NO_FACE)
-        beside[is_edge] = self._neighbours.beside(contact[is_edge], c.face[is_edge], normal[is_edge])
+        beside[is_edge] = self._neighbours.beside(contact[is_edge], c.face[is_edge])
         return TipContacts(tip_z_mm=c.tip_z_mm + self.allowance_mm, contact_mm=contact, normal=normal, face=c.face,
                            beside=beside, is_edge=is_edge)

@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from cuspline.kernel import brep
 from cuspline.toolpaths.drop.droppers import MeshDropper
+from cuspline.toolpaths.freeform import tip_sampling
 from cuspline.toolpaths.freeform.plane_curves import PlaneCurve
 from cuspline.toolpaths.freeform.tip_field import tip_field
 from cuspline.toolpaths.freeform.tip_paths import PathRules, tip_paths
@@ -184,3 +185,9 @@ def test_a_quarter_of_the_tolerance_takes_twice_the_points():
                             PathRules(tolerance_mm=t, lateral_mm=0.01, bridge_mm=0.0))[0].tips_mm) - 1
               for t in (0.004, 0.001)]
     assert 1.8 < counts[1] / counts[0] < 2.2
+
+
+def test_a_station_with_nothing_beneath_it_ends_its_run_and_a_run_of_one_is_none():
+    """Where a ball just grazes a wall its contact comes and goes with the last bit: a program had a move to minus infinity."""
+    tips = np.array([-np.inf, 1.0, 2.0, -np.inf, 3.0, 4.0, 5.0])
+    assert tip_sampling._held(tips, np.array([0, 0, 0, 1, 1, 2, 2])).tolist() == [False, True, True, False, False, True, True]
