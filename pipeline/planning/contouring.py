@@ -106,7 +106,7 @@ def _roughed(work, tool, sections, tabs):
     for section in sections:
         for chain in section.chains:
             path, top = _rough_path(work, chain, cutter)
-            if top > section.low_mm + STANDS_MM:
+            if top > section.low_mm + STANDS_MM and _is_thick(work, chain, cutter, section.low_mm):
                 refuse_blocked(work, tool, path, section.low_mm)
                 lay, overs = helical if path.is_closed else _level_by_level, ()
                 if id(chain) in tabs and section is sections[-1]:
@@ -137,6 +137,15 @@ def _rough_path(work, chain, cutter):
                 raise
     reach = cutter.radius_mm if share == SHARES[0] else cutter.radius_mm / RINGS[-1]
     return path, float(stock_over(work, path.places(LOOK_SHARE * cutter.radius_mm), reach).max())
+
+
+def _is_thick(work, chain, cutter, low_mm):
+    """Whether more stands beside a wall than its finishing pass takes: a slot hardly wider than its cutter has left less."""
+    inward = cutter.radius_mm - left_mm(work)
+    if inward <= 0.0:
+        return True
+    path = _offset(work, chain, cutter.radius_mm + work.operation.allowance_mm)
+    return float(stock_over(work, path.places(LOOK_SHARE * cutter.radius_mm), inward).max()) > low_mm + STANDS_MM
 
 
 def left_mm(work):
