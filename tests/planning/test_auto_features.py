@@ -163,7 +163,7 @@ def test_why_says_one_reason_of_each_operation_that_was_tried():
 
 
 def test_a_slot_hardly_wider_than_its_cutter_has_no_walls_to_be_roughed():
-    """0.1 mm stay beside a cutter of 3 mm in a slot of 3.2, less than its finishing pass takes: a helix between them took nothing."""
+    """0.1 mm stay beside a cutter of 3 mm in a slot of 3.2, less than finishing takes: a helix between them took nothing."""
     slot = cq.Workplane("XY", origin=(30, 15, Z - 3)).slot2D(14, 3.2).extrude(9)
     made = [o.name for o in planned(block().cut(slot), shop=catalogue.find_library("small_mills")).operations]
     assert made == ["slot", "slot walls"]
