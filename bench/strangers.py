@@ -23,37 +23,41 @@ PARTS = ("bracket", "housing", "manifold", "oring_cover", "hub", "two_sides", "s
          "valve_cover", "motor_mount", "electrode", "keyboard", "gear", "heat_sink", "bearing_block", "camera_mount", "inch_plate",
          "cf40", "trunnion_valve", "fillet_lid", "wing_rib", "hull_half", "fan_disc", "ribbed_cavity",
          "sensor_plate", "knuckle", "duct")
+PLATES = ("gland_flange", "phone_holder", "bearing_seat", "mould_core", "optic_mount", "stamp", "ring_wheel", "saddle_block")
 LIBRARIES = {"inch_plate": ("--cutters", "inch_mills"),
-             **dict.fromkeys(("electrode", "keyboard", "gear"), ())}    # the usual one: what it cannot take is to be said truly
+             **dict.fromkeys(("electrode", "keyboard", "gear", *PLATES), ())}      # none is named
 JOBS = ("clamp", "gear")    # STEP with a job file
 
 
 def source_of(part, folder):
     """What `cuspline build` is given; of a job file its STEP is written beside it."""
+    if part in PLATES:
+        return HERE / "plates.py", "-p", f"part={part}"
     if part not in JOBS:
-        return HERE / f"{part}.py"
+        return (HERE / f"{part}.py",)
     spec = importlib.util.spec_from_file_location(part, HERE / f"{part}.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     brep.write_step(brep.the_solid(module.solid(), part), folder / f"{part}.step", part)
     (folder / f"{part}.toml").write_text((HERE / f"{part}.toml").read_text())
-    return folder / f"{part}.toml"
+    return (folder / f"{part}.toml",)
 
 
 def form_of(part):
-    text = (HERE / f"{part}.py").read_text()
-    return "job" if part in JOBS else "build123d" if "build123d" in text else "cadquery"
+    if part in JOBS:
+        return "job"
+    return "build123d" if "build123d" in source_of(part, HERE)[0].read_text() else "cadquery"
 
 
-def main(parts=PARTS):
+def main(parts):
     print("\n".join(HEAD), flush=True)
     for part in parts:
         with tempfile.TemporaryDirectory() as scratch:
             scratch, begin = Path(scratch), time.process_time()
             library = LIBRARIES.get(part, ("--cutters", "small_mills"))
-            done = ran("build", source_of(part, scratch), *library, "--out", scratch / "out", "--stage", "verify")
+            done = ran("build", *source_of(part, scratch), *library, "--out", scratch / "out", "--stage", "verify")
             print(told(part, form_of(part), done, scratch / "out", time.process_time() - begin), flush=True)
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:] or PARTS)
+    main(sys.argv[1:] or (*PARTS, *PLATES))

@@ -20,7 +20,7 @@ import numpy as np
 
 import cuspline
 from cuspline.app import mending
-from cuspline.app.catalogue import sources_of_post
+from cuspline.app.catalogue import find_library, sources_of_post
 from cuspline.app.judge import begun, figures_in_words, post_module, posted_positions, told_in_words
 from cuspline.app.outcome import Result
 from cuspline.app.report_inputs import report_bundle, shape_of, view_of
@@ -72,7 +72,7 @@ class Order:
     design: object              # design.Design
     machine: object
     library: object
-    spare: tuple = ()           # libraries with more cutters, where none is named: taken in turn where the one before leaves a face
+    spare: tuple[str, ...] = ()     # names of libraries with smaller cutters: taken in turn where the one before leaves a face
     shop: ShopFile = ShopFile()     # what the shop decides
     accepted: tuple[str, ...]
     out: Path
@@ -101,7 +101,7 @@ def build(order, say=lambda text: None):
     except OSError as error:
         raise InputError(f"--out {order.out}: cannot be written ({error.strerror}); name another folder") from None
     try:
-        result = _made_with_enough(order, work, say)
+        result = _made(order, work, say)
         target = order.out if result.is_ok or order.last_stage == DRAFT else _rejected(order.out)
         with held_off():
             _swap_in(work, target)
@@ -112,24 +112,6 @@ def build(order, say=lambda text: None):
     finally:
         with held_off():
             shutil.rmtree(work, ignore_errors=True)
-
-
-class _FaceLeft(Exception):
-    """Most of a face that a setup names is not cut."""
-
-
-def _made_with_enough(order, work, say):
-    """As `_made`; where the cutters fit nowhere, or cut nothing of a face, again with the spare ones beside them."""
-    while True:
-        try:
-            return _made(order, work, say)
-        except (CutterDoesNotFit, _FaceLeft):
-            if not order.spare:
-                raise
-        say(f"{order.design.name}: the cutters do not get to all faces; planned again with smaller ones beside them")
-        shutil.rmtree(work)
-        work.mkdir()
-        order = replace(order, library=order.spare[0], spare=order.spare[1:])
 
 
 def _made(order, work, say):
@@ -166,9 +148,34 @@ def _made(order, work, say):
     if not design.setups:
         return _measured(order, work, inputs, shape, say)
     off, _ = _measured_solid(order, work, say)
-    kept, tell = kept_beside(order.out), lambda text: say(f"{design.name}: {text}")
+    while True:
+        there = set(work.iterdir())
+        try:
+            return _programmed(order, work, inputs, shape, off, say)
+        except (CutterDoesNotFit, _FaceLeft):
+            if not order.spare:
+                raise
+        _leave_only(work, there)
+        say(f"{design.name}: the cutters do not get to all faces; planned again with smaller ones beside them")
+        order = replace(order, library=find_library(order.spare[0]).with_tools(design.tools), spare=order.spare[1:])
+        inputs = inputs_hash(order, step)
+
+
+class _FaceLeft(Exception):
+    """Most of a face that a setup names is not cut, and there are spare cutters."""
+
+
+def _programmed(order, work, inputs, shape, off, say):
+    """All stages of a design with setups behind its solid, whose files are in the work folder.
+
+    Args:
+        inputs: SHA-256 of what decides the outputs.   shape: of the solid.   off: findings about it.
+    Raises:
+        CutterDoesNotFit, _FaceLeft: the order's cutters are too few.
+    """
+    design, kept = order.design, kept_beside(order.out)
     plans = _planned(order, say)
-    trial = _Trial(order=order, work=work, inputs=inputs, kept=kept, tell=tell)
+    trial = _Trial(order=order, work=work, inputs=inputs, kept=kept, tell=lambda text: say(f"{design.name}: {text}"))
     if order.last_stage == DRAFT:
         return trial.drafted(plans, off)
     if order.last_stage == "plan":
@@ -187,7 +194,7 @@ def _made(order, work, say):
     if order.last_stage == "report":
         say(f"{design.name}: report")
         from cuspline.report.page import write_report  # matplotlib: a third of a second that other stages need not wait
-        bundle = report_bundle(order, work, job, judged, verify, view_of(solid, shape), inputs)
+        bundle = report_bundle(order, work, job, judged, verify, view_of(design.solid, shape), inputs)
         _, without = write_report(bundle, work)
         left_out = "; ".join(words for words in (left_out, without) if words)
     result = _finished(order, work, inputs, job, (*off, *judged.refused(order.accepted)), left_out)
@@ -337,7 +344,7 @@ class _Trial:
         job, first, finish = self.posted(own), None, self.order.design.finish
         for number in range(1, mending.OWN_ROUNDS + 1 if any(p.is_mended for p in own) else 1):
             first = self.begun(job)
-            if self.order.spare and "face_not_cut" not in self.order.accepted and first.first.leaves_faces:
+            if number == 1 and self.order.spare and "face_not_cut" not in self.order.accepted and first.first.leaves_faces:
                 raise _FaceLeft
             share = 1.0 - mending.MARGIN
             deep = first.first.gouges_mm(share * finish.gouge_mm)
@@ -361,8 +368,7 @@ class _Trial:
         """The plans as `checked`; of the programs that it took nothing stays."""
         before = set(self.work.iterdir())
         plans, _, _ = self.checked(plans)
-        for path in set(self.work.iterdir()) - before:
-            path.unlink()
+        _leave_only(self.work, before)
         return plans
 
     def drafted(self, plans, off):
@@ -392,6 +398,12 @@ class _Trial:
         self.write_plan(plans, lambda held: [v.numbers["process"]["operations"] for v in judged.verdict.setups])
         return job, replace(judged, verdict=mending.with_reasons(judged.verdict, plans),
                             extra=(*judged.extra, *(f for plan in plans for f in plan.idle)))
+
+
+def _leave_only(work, paths):
+    """Take away all files of a folder but some."""
+    for path in set(work.iterdir()) - paths:
+        path.unlink()
 
 
 def _coloured_stock(path, judged, finish):

@@ -34,6 +34,7 @@ DESIGNS = Path(cuspline.designs.__file__).parent
 POSTS = Path(cuspline.posts.__file__).parent
 MACHINES, LIBRARIES, WRITERS, READERS = POSTS / "machines", POSTS / "tools", POSTS / "writers", POSTS / "readers"
 DEFAULT_LIBRARY = "tools"
+SMALLER = {"small_mills": DEFAULT_LIBRARY, "small_balls": "small_mills"}      # smaller cutters, and the library they stand beside
 SHOP = "shop."              # of a parameter that is the shop's, not the design's
 OF_A_POST = {
     "EXTENSION": (str, "the ending of its files, such as \"ngc\""),
@@ -222,8 +223,11 @@ def find_machine(name_or_file):
 
 def find_library(path):
     """The tool library of a file, or of that name among those that come with cuspline; None: the first of these."""
-    own = LIBRARIES / f"{DEFAULT_LIBRARY if path is None else path}.json"
-    return library_from_json(own if path is None or str(path) in library_names() else path)
+    name = DEFAULT_LIBRARY if path is None else str(path)
+    if name not in library_names():
+        return library_from_json(path)
+    own = library_from_json(LIBRARIES / f"{name}.json")
+    return find_library(SMALLER[name]).with_tools(own.tools) if name in SMALLER else own
 
 
 def library_names():

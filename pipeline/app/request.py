@@ -21,7 +21,6 @@ from cuspline.values.errors import InputError
 from cuspline.values.frames import box_corners
 from cuspline.values.models import shortened
 
-SPARE = "small_mills", "small_balls"    # libraries that have the usual cutters and smaller ones, each more than the one before
 REVISION = "CUSPLINE_REVISION"      # of the environment: CI states it; it stands in header, manifest and report
 
 
@@ -66,7 +65,7 @@ class Request:
         chosen = catalogue.with_post(_machine_of(self.machine if self.machine is not None else made.machine), self.post)
         chosen = catalogue.held_to(chosen, made.finish.gouge_mm)
         library = catalogue.find_library(self.cutters).with_tools(made.tools)
-        spare = () if self.cutters is not None else tuple(catalogue.find_library(name).with_tools(made.tools) for name in SPARE)
+        spare = tuple(catalogue.SMALLER) if self.cutters is None else ()
         out = Path(self.out) if self.out is not None else Path("outputs") / made.name
         if self.draft:
             if not made.setups:

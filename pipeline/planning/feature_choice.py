@@ -154,8 +154,7 @@ def _slots_and_pockets(work, left):
 
 def outline_faces(work, left):
     """Upright ones among some faces that stand on nothing: outlines and windows, all whose other neighbours fall away."""
-    up = {i: np.abs(work.samples.normal[work.samples.face == i, 2]).max(initial=0.0) for i in left}
-    upright = {i for i, most in up.items() if most < UPRIGHT}
+    upright = set(left) - work.samples.leaning_faces(UPRIGHT)
     around = work.neighbours if 0 < len(upright) < len(left) else ()
     is_upright = lambda i: i in upright or bool(np.abs(work.faces[i].middle.normal[0, 2]) < UPRIGHT)
     return [i for i in sorted(upright) if around and all(n.sine < -SMOOTH_SINE or is_upright(n.index) for n in around[i])]

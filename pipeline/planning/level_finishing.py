@@ -196,8 +196,8 @@ def is_level(face):
 def _walls_on(work, levels):
     """Indices of the operation's upright faces that end on one of its level ones."""
     heights = {round(float(work.faces[i].middle.point_mm[0, 2]) / SAME_MM) for i in levels}
-    steep = {i: np.abs(work.samples.normal[work.samples.face == i, 2]).max(initial=0.0) for i in work.wanted if i not in levels}
-    return tuple(i for i, up in steep.items() if up < UPRIGHT and round(float(
+    others = work.samples.leaning_faces(UPRIGHT) | set(levels)
+    return tuple(i for i in work.wanted if i not in others and round(float(
         bounding_box_mm(work.faces[i].shape)[0][2]) / SAME_MM) in heights)
 
 

@@ -62,8 +62,9 @@ def floors_and_walls(work, needs_floor=True):
     """
     levels = [i for i in work.wanted if is_level(work.faces[i])]
     walls = [i for i in work.wanted if i not in set(levels)]
+    leaning = work.samples.leaning_faces(UPRIGHT)
     for i in walls:
-        if np.abs(work.samples.normal[work.samples.face == i, 2]).max(initial=0.0) > UPRIGHT:
+        if i in leaning:
             place = ", ".join(f"{v:.3f}" for v in work.in_part(work.faces[i].middle.point_mm[0]))
             raise PlanError(f"{work.operation.title}: the {work.faces[i].kind} at ({place}) is neither level nor upright: it is "
                             "for floors and the walls on them; give drafted and rounded faces to waterline, rest or rough")

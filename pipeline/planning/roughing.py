@@ -14,6 +14,7 @@ from cuspline.planning.cutter_choice import (
     missing_when_roughing_mm,
     roughing_tools,
 )
+from cuspline.planning.level_finishing import UPRIGHT
 from cuspline.planning.tool_depth import clear_tips_mm
 from cuspline.toolpaths.drop.dropcutter import DropMesh
 from cuspline.toolpaths.roughing.level_clearing import ClearingRules, clear, engagement_of_rad
@@ -25,8 +26,7 @@ LOOKED_AT = 500             # places of it, before all are
 SURE_SHARE = 0.95           # of its deepest slot, that a ball takes at once: what stands is known at samples only
 LAYER_SHARE = 0.8           # of it, that one takes in each of several layers
 RAPIDS_OF_A_LIFT = 3        # up, across, down
-WALL = 1e-6                 # of a unit normal's z: below it a wall is upright
-WORTH_SHARE = 0.5           # of what a ball would meet: a smaller one that clears before it leaves no more
+HELPS_SHARE = 0.5           # of what a ball would meet: a smaller one that clears before it leaves no more
 LEFT_PERCENTILE = 99.5      # of the places finished: what roughing leaves there
 
 
@@ -76,24 +76,17 @@ def roughed(work, ball, is_reached, semi_finish):
     if _is_too_deep(work, ball, stock, rows):
         operation, stock, left = cleared(work, rest, ball, (), stock, rows, Clearing())
         operations.append(operation)
-    upright = rows[np.isin(work.samples.face[rows], _upright_faces(work.samples))]
+    upright = rows[~np.isin(work.samples.face[rows], list(work.samples.leaning_faces(UPRIGHT)))]
     for tool in (t for t in work.library.of_type("ball") if t.cutter.diameter_mm < ball.cutter.diameter_mm):
         if not _is_too_deep(work, ball, stock, upright):
             break
         operation, after, left_after = cleared(work, rest, tool, (), stock, rows, Clearing())
-        if _met_mm(work, ball, after, upright) <= WORTH_SHARE * _met_mm(work, ball, stock, upright):
+        if _met_mm(work, ball, after, upright) <= HELPS_SHARE * _met_mm(work, ball, stock, upright):
             operations.append(operation)
             stock, left = after, left_after
     if left > limit:
         operations += _in_layers(work, semi_finish(), _met_mm(work, ball, stock, rows))
     return [o for o in operations if o is not None]
-
-
-def _upright_faces(samples):
-    """(k,) numbers of faces all of whose samples stand upright."""
-    steepest = np.zeros(samples.face.max(initial=0) + 1)
-    np.maximum.at(steepest, samples.face, np.abs(samples.normal[:, 2]))
-    return np.flatnonzero(steepest < WALL)
 
 
 def _in_layers(work, passes, met_mm):

@@ -78,8 +78,12 @@ def loads(posted, tools, zmap, events, first, before_mm, columns=None):
 
 
 def _begins(way, cut, bin_way):
-    """Where the way (n,) of each move begins in one line of bins, and how many bins there are: each cut, numbers (n,) that rise by
-    one at most, begins with a bin of its own."""
+    """(Where each move's way begins in one line of bins (n,), number of bins); ways in diameters of the cutter.
+
+    Args:
+        way: (n,) of each move.   cut: (n,) numbers that rise by one at most; each begins with a bin of its own.
+        bin_way: of a bin.
+    """
     sums = np.bincount(cut, way)
     bins = np.ceil(sums / bin_way + 2 * INSIDE).astype(np.int64)
     first, before = np.cumsum(bins) - bins, np.cumsum(sums) - sums

@@ -524,9 +524,10 @@ class ToolLibrary(Model):
         return self
 
     def with_tools(self, tools):
-        """The library with more tools, those of its own numbers in place of its own."""
+        """The library with more tools, those of its own numbers in place of its own, by their numbers."""
         numbers = {t.number for t in tools}
-        return self.model_copy(update={"tools": (*(t for t in self.tools if t.number not in numbers), *tools)}) if tools else self
+        joined = sorted([*(t for t in self.tools if t.number not in numbers), *tools], key=lambda t: t.number)
+        return self.model_copy(update={"tools": tuple(joined)}) if tools else self
 
     def in_spindle(self, around):
         """The same tools in a spindle, those of angle heads as they are.

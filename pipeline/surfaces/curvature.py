@@ -50,6 +50,10 @@ class FaceSamples:
     area_mm2: np.ndarray            # (n,) share of the face's area
     face: np.ndarray                # (n,) index
 
+    def leaning_faces(self, upright):
+        """Set of indices of the faces that do not stand upright: the unit normal's z is `upright` or more at some sample."""
+        return set(np.unique(self.face[np.abs(self.normal[:, 2]) >= upright]).tolist())
+
 
 def sample_faces(faces, indices, across_axis):
     """FaceSamples over a parameter grid of each face, inside its trim."""

@@ -29,7 +29,7 @@ from cuspline.surfaces.trims import TrimSet
 from cuspline.values import fixed_math as fixed
 from cuspline.verification.samples import in_parameters
 
-CLOSE_MM = 1e-3           # last step: 0.1 um of height on flanks of one in ten
+CLOSE_MM = 3e-4           # last step: 0.03 um of height on flanks of one in ten
 CELL = 0.5                # cells of starts, in spacings: on a ridge a start every half spacing
 FIRST = 0.25              # first step, in spacings: the mean distance of samples
 ACROSS_ROUNDS = 5         # halvings of the first walk

@@ -17,8 +17,10 @@ from cuspline.stock.shapes import BoxShape
 from cuspline.stock.swept import swept_paths
 from cuspline.stock.workpiece import Workpiece
 from cuspline.values.frames import Frame
+from cuspline.verification.verdict import REPLAY_NODES
 
 LOW_MM, HIGH_MM = (0.0, 0.0, 0.0), (60.0, 30.0, 20.0)
+PITCH_MM = np.sqrt(HIGH_MM[0] * HIGH_MM[1] / REPLAY_NODES)       # as the verdict looks at this billet
 CLEARANCE_MM = 5.0
 HOME = Frame.shift((0.0, 0.0, 0.0))
 MACHINES = {"linuxcnc": "mill_3axis", "fanuc": "mill_fanuc"}
@@ -57,7 +59,7 @@ def bases():
             for dialect in MACHINES]
 
 
-def findings(base, text, pitch_mm=0.5, fixtures=()):
+def findings(base, text, pitch_mm=PITCH_MM, fixtures=()):
     """What the replay tells of a text in place of the base's own."""
     moves = posted_moves((text,), base.setup, base.machine, base.tools)
     billet = Workpiece(blank=BoxShape(min_mm=base.low_mm, max_mm=base.high_mm))
@@ -106,7 +108,7 @@ def _terrace():
         for y in (-2.0, 2.5, 7.0, 11.5):
             _lane(rough, [(-12.0, y, z), (72.0, y, z)], 1500)
     finish = MoveWriter((-6.0, 0.0, HIGH_MM[2] + CLEARANCE_MM))
-    for y in np.arange(1.2, 12.1, 1.2):         # without roughing the first is heavier than a strip of nodes can hide
+    for y in np.arange(0.0, 12.1, 1.2):
         _lane(finish, [(-6.0, y, 15.5), (66.0, y, 15.5)], 1200)
     return _operation("rough", 3, rough, 8000.0), _operation("finish", 9, finish, 12000.0)
 

@@ -6,7 +6,6 @@ from fractions import Fraction
 import pytest
 
 from cuspline.app import catalogue
-from cuspline.app.request import SPARE
 from cuspline.shop.threads import thread_form
 
 LIBRARIES = {name: catalogue.find_library(name) for name in catalogue.library_names()}
@@ -19,9 +18,10 @@ def test_there_are_libraries_in_millimetres_and_in_inches():
 
 def test_each_library_of_smaller_cutters_has_what_the_one_before_has():
     """A design that names no library is planned again by the next of them where it must be."""
-    tools = [LIBRARIES[name].tools for name in ("tools", *SPARE)]
+    tools = [LIBRARIES[name].tools for name in ("tools", *catalogue.SMALLER)]
     for fewer, more in zip(tools, tools[1:]):
         assert {t.number: t for t in fewer}.items() < {t.number: t for t in more}.items()
+        assert [t.number for t in more] == sorted(t.number for t in more)
 
 
 @pytest.mark.parametrize("name", LIBRARIES)
