@@ -122,6 +122,17 @@ def before_passes(work, ball, is_reached):
     return [] if operation is None else [operation]
 
 
+def over_slots(work, passes, is_reached):
+    """The passes of a smaller ball, before them the same lifted where it meets level ground under more than it cuts a slot: what
+    it could not clear, in a gap in which no level has room.
+
+    Args:
+        work: PlanningContext after all that is cut before.   passes: its PlannedOperation.   is_reached: (n,) bool, what it adds.
+    """
+    rows = leftover_rows(work.samples, is_reached & (work.samples.normal[:, 2] > 1.0 - UPRIGHT))
+    return _in_layers(work, passes, _met_mm(work, passes.tool, work.stock_mm, rows))
+
+
 def standing_mm(work, rows):
     """Heights (k,) of the stock over sample rows (k,), mm along Z."""
     points = work.samples.point_mm[rows]
@@ -150,7 +161,7 @@ def _is_too_deep(work, ball, stock, rows):
 def _met_mm(work, ball, stock, rows):
     """How deep a ball would sink into a height field to touch sample rows: what stands in a hole shows here."""
     tips = work.samples.point_mm[rows] + ball.cutter.radius_mm * (work.samples.normal[rows] - (0.0, 0.0, 1.0))
-    met = stock(tips[:, :2]) - tips[:, 2]
+    met = np.maximum(stock(tips[:, :2]) - tips[:, 2], 0.0)
     return float(np.percentile(met, LEFT_PERCENTILE)) if len(rows) else 0.0
 
 

@@ -10,6 +10,7 @@ import pytest
 from known_tools import tool
 
 import cuspline.posts
+from cuspline.app import catalogue
 from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox, StockSolid
 from cuspline.design.operations import Clearing
 from cuspline.planning.clean_up import _touched, why_out_of_reach
@@ -32,6 +33,7 @@ POSTS = Path(cuspline.posts.__file__).parent
 MACHINE, SHOP = machine_from_toml(POSTS / "machines" / "mill_3axis.toml"), library_from_json(POSTS / "tools" / "tools.json")
 FEW = ToolLibrary(tools=(*SHOP.of_type("ball")[::4], SHOP.of_type("flat", "bull_nose")[0]))
 COARSE = Finish(scallop_mm=0.3, profile_tolerance_mm=0.03, gouge_mm=0.03)       # every step of planning, in little time
+FINER = Finish(scallop_mm=0.08, profile_tolerance_mm=0.03, gouge_mm=0.03)
 
 
 def part(solid, predicate, stock, *operations, finish=COARSE):
@@ -243,9 +245,8 @@ def test_a_floor_that_nobody_cleared_is_cleared_and_entered_on_ramps(deep_mm, na
 def test_a_groove_that_no_level_enters_is_semi_finished_in_layers():
     block = cq.Workplane("XY").box(20, 12, 8).translate((0, 0, -4))
     groove = FacePredicate(name="groove", at_least=1, kinds=("cylinder",))
-    fine = Finish(scallop_mm=0.08, profile_tolerance_mm=0.03, gouge_mm=0.03)
     design = part(block.cut(cq.Workplane("YZ").circle(4.5).extrude(10, both=True)), groove,
-                  StockBox(min_mm=(-10, -6, -8), max_mm=(10, 6, 0)), Auto(strategy="parallel"), finish=fine)
+                  StockBox(min_mm=(-10, -6, -8), max_mm=(10, 6, 0)), Auto(strategy="parallel"), finish=FINER)
     *_, above, semi, finish = plan_setup(design, design.setups[0], MACHINE, SHOP).operations
     lift = above.moves.end_mm - semi.moves.end_mm
     assert (semi.name, finish.name) == ("semi-finish", "finish") and semi.tool.cutter.deepest_slot_mm == 4.0
@@ -279,3 +280,18 @@ def test_a_hole_hardly_wider_than_its_finishing_ball_is_cleared_by_a_smaller_one
     made = plan_setup(design, design.setups[0], MACHINE, SHOP).operations
     diameter = {o.name: o.tool.cutter.diameter_mm for o in made}
     assert diameter["finish"] == 6.0 and diameter["rest rough"] == 4.0
+
+
+def test_a_gap_in_which_no_level_has_room_is_entered_layer_by_layer():
+    """A groove hardly wider than the smallest ball, 1.8 mm under the top, which a larger one finishes."""
+    plate = cq.Workplane("XY").box(20, 16, 6).translate((0, 0, -3))
+    groove = cq.Workplane("XY").box(30, 2.4, 1.8).translate((0, 0, -0.9))
+    upper = FacePredicate(name="upper", at_least=2, normal=(0, 0, 1), normal_within_deg=91, center_min_mm=(-11, -7.9, -5),
+                          center_max_mm=(11, 7.9, 1))
+    design = part(plate.cut(groove), upper, StockBox(min_mm=(-10, -8, -6), max_mm=(10, 8, 0.3)), Auto(strategy="parallel"), finish=FINER)
+    made = plan_setup(design, design.setups[0], MACHINE, catalogue.find_library("small_balls")).operations
+    *above, rest = [o for o in made if o.tool.cutter.diameter_mm == 2.0]
+    lifts = [o.facts["lifted_mm"] for o in above]
+    limit = rest.tool.cutter.deepest_slot_mm
+    assert above and [o.name for o in above] == [f"{rest.name} {mm:.1f} mm above" for mm in lifts]
+    assert (-np.diff([2.1, *lifts, 0.0]) <= limit + 1e-3).all() and (rest.tool.cutter.diameter_mm, limit) == (2.0, 1.0)

@@ -226,11 +226,12 @@ def _free_form(work, may_take_floors=False):
     semi = lambda: freeform_finishing.finish(work, _semi_finish(work), tools[0], ())
     operations = roughed(work, tools[0], chain[0].adds, semi)
     finishing = [freeform_finishing.finish(work, _finish(work), tools[0], candidates)]
-    made = operations + finishing
+    made, after = operations + finishing, lambda made: work.of(work.operation, [*work.planned, *made])
     for link in chain[1:]:
         rest = freeform_finishing.rest(work, finishing, link.tool, candidates)
         if rest is not None:        # in a gap that no larger cutter enters the whole stock stands
-            made += [*roughing.before_passes(work.of(work.operation, [*work.planned, *made]), link.tool, link.adds), rest]
+            made += roughing.before_passes(after(made), link.tool, link.adds)
+            made += roughing.over_slots(after(made), rest, link.adds)
             finishing.append(rest)
     return made, reached
 
