@@ -24,7 +24,8 @@ class WageningenB(PropellerParameters):
     hub_forward_share: float = Field(default=0.55, ge=0.2, le=0.8,
                                      description="of the hub's length is before the generator line")
     fillet_leading_edge_mm: float = Field(default=3.0, gt=0, le=200,
-                                          description="radius of the fillet's ball at the leading edge")
+                                          description="radius of the fillet's ball at the leading edge; where none of the four is "
+                                          "stated, a smaller one is taken if this does not fit")
     fillet_face_mm: float = Field(default=5.0, gt=0, le=200, description="at the middle of the face")
     fillet_trailing_edge_mm: float = Field(default=3.0, gt=0, le=200, description="at the trailing edge")
     fillet_back_mm: float = Field(default=5.0, gt=0, le=200, description="at the middle of the back")

@@ -9,7 +9,7 @@ from pydantic import Field
 from cuspline.design import Design, FacePredicate, Finish, Parameters, StockBox
 from cuspline.designs.propellers.blade import blade_of
 from cuspline.designs.propellers.checks import solid_report
-from cuspline.designs.propellers.root import curved_hub, radius_round_root, straight_hub
+from cuspline.designs.propellers.root import curved_hub, fitting, radius_round_root, straight_hub
 from cuspline.designs.propellers.sections import TrailingEdge
 from cuspline.designs.propellers.sections import table as read_table
 from cuspline.designs.propellers.solid import HubCuts, propeller_solid
@@ -19,6 +19,7 @@ from cuspline.values.errors import DesignError
 
 UNDER_HUB = 0.97            # the blade begins at this share of the hub's least radius under it
 STOCK_MM = 2.0              # billet round the propeller
+FILLETS = ("fillet_trailing_edge_mm", "fillet_face_mm", "fillet_leading_edge_mm", "fillet_back_mm")     # as in a RadiusLaw
 SECTOR_MM = 1.0             # round the middle of a sector of the hub: others are farther away
 
 
@@ -39,7 +40,8 @@ class PropellerParameters(Parameters):
     bolt_mm: float = Field(default=0.0, ge=0, description="diameter of the bolt holes")
     bolt_circle_mm: float = Field(default=0.0, ge=0, description="diameter of the bolt circle")
     fillet_leading_edge_mm: float = Field(default=4.0, gt=0, le=200,
-                                          description="radius of the fillet's ball at the leading edge")
+                                          description="radius of the fillet's ball at the leading edge; where none of the four is "
+                                          "stated, a smaller one is taken if this does not fit")
     fillet_face_mm: float = Field(default=8.0, gt=0, le=200, description="at the middle of the face")
     fillet_trailing_edge_mm: float = Field(default=4.0, gt=0, le=200, description="at the trailing edge")
     fillet_back_mm: float = Field(default=8.0, gt=0, le=200, description="at the middle of the back")
@@ -88,8 +90,12 @@ def propeller_design(name, description, p, table, hub_ratio):
         hub_ratio: hub diameter over propeller diameter at the generator line.
     """
     hub = hub_of(p, table.diameter_mm, hub_ratio)
-    law = radius_round_root(p.fillet_leading_edge_mm, p.fillet_face_mm, p.fillet_trailing_edge_mm, p.fillet_back_mm)
-    made = propeller_solid(blade_over(table, hub), hub, law, HubCuts(
+    blade = blade_over(table, hub)
+    law = radius_round_root(**{name.removeprefix("fillet_"): getattr(p, name) for name in FILLETS})
+    if p.model_fields_set.isdisjoint(FILLETS):
+        law = fitting(blade, hub, law)
+        p = p.model_copy(update=dict(zip(FILLETS, law.radius_mm.tolist())))
+    made = propeller_solid(blade, hub, law, HubCuts(
         bore_mm=p.bore_mm, bore_half_angle_rad=float(np.radians(p.bore_taper_deg)), key_width_mm=p.key_width_mm,
         key_depth_mm=p.key_depth_mm, bolts=p.bolts, bolt_mm=p.bolt_mm, bolt_circle_mm=p.bolt_circle_mm))
     low, high = brep.bounding_box_mm(made.solid)

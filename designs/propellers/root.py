@@ -3,7 +3,8 @@
 What does not fit is refused by name, with the station and the largest radius that would fit there.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.interpolate import BSpline
@@ -32,6 +33,8 @@ CLOSEST_SHARE = 0.002       # of the spacing of the blades: least land between t
 JUMP = 5.0                  # feet that move so much faster than their balls leap across a hollow
 SLICES = 240                # of the hub, in which the width of the root is measured
 HALVINGS = 12               # of the search for the largest radius
+BELOW_LARGEST = 0.95        # of the largest that fits, taken where a radius was left to the design
+ONE_SHARE = 0.8             # of what all stations must shrink by, that one alone may shrink by instead
 BALLS_A_SPAN = 3            # of the blade's spans round the loop
 LEAST_ROOM = 0.003          # of the envelope (1: straight, 0: it turns over); known within 0.003
 ARC_SHARES = np.linspace(0.0, 1.0, 9)       # of an arc, where it is held against all other balls
@@ -116,6 +119,28 @@ def rolled_round_root(blade, hub, law):
     raise DesignError(f"propeller {blade.table.name}, blade 1 (all {blade.table.blades} are alike), root at "
                       f"{station_in_words(blade, rolling.u[row])}: a fillet of radius {asked:.3f} mm {reason}; "
                       f"{_advice(blade, hub, law, asked, float(rolling.u[row]))}")
+
+
+def fitting(blade, hub, law):
+    """The law where its balls fit; else the same with that one station smaller which is in the way, or with all stations alike
+    where one alone does not do: a little below the largest that fit, in whole hundredths.
+
+    Args:
+        as of `rolled_round_root`.
+    Raises:
+        DesignError: no radius fits.
+    """
+    rolling = _rolled(blade, hub, law)
+    found = obstacle(blade, hub, rolling)
+    if found is None:
+        return law
+    one = partial(law.scaled_at, law.nearest_station(float(rolling.u[found[1]])))
+    share, share_of_one = (_largest_share(blade, hub, way) for way in (law.scaled, one))
+    if not share and not share_of_one:
+        rolled_round_root(blade, hub, law)      # refuses it in words
+    smaller = one(BELOW_LARGEST * share_of_one) if share_of_one >= ONE_SHARE * share else law.scaled(BELOW_LARGEST * share)
+    hundredths = np.floor(100.0 * smaller.radius_mm) / 100.0
+    return replace(law, radius_mm=np.where(smaller.radius_mm < law.radius_mm, hundredths, law.radius_mm))
 
 
 def _advice(blade, hub, law, asked, u):

@@ -12,6 +12,7 @@ from OCP.GProp import GProp_GProps
 from scipy.interpolate import BSpline
 
 from cuspline.app import build, catalogue
+from cuspline.designs import propeller
 from cuspline.designs.propeller import Propeller
 from cuspline.designs.propellers import blade, root, tables
 from cuspline.designs.propellers.blade import blade_of, loop_angles, radial_laws
@@ -24,11 +25,12 @@ from cuspline.designs.propellers.checks import (
     solid_report,
     table_points,
 )
-from cuspline.designs.propellers.design import blade_over
+from cuspline.designs.propellers.design import FILLETS, blade_over
 from cuspline.designs.propellers.mesh import extrapolated_volume_mm3, propeller_mesh
 from cuspline.designs.propellers.root import (
     balls_round_root,
     curved_hub,
+    fitting,
     obstacle,
     radius_round_root,
     rolled_round_root,
@@ -489,6 +491,23 @@ def test_a_ball_that_turns_tighter_than_its_radius_is_refused_with_the_largest_t
     assert 0 < room.min() < 0.01                        # hardly any is left: the next larger one is refused
     with pytest.raises(DesignError, match="turns over"):
         rolled_round_root(*five_blades(hand, fits + 0.05))
+
+
+def test_a_radius_left_to_the_design_is_as_large_as_fits_and_the_others_stay():
+    blade, hub, law = five_blades(True, 4.0)
+    assert np.array_equal(fitting(blade, hub, five_blades(True, 2.0)[2]).radius_mm, (2.0, 8.0, 4.0, 8.0))
+    found = fitting(blade, hub, law)
+    assert 0.9 * 3.37 < found.radius_mm[0] < 3.37 and found.radius_mm[1:].tolist() == [8.0, 4.0, 8.0]
+    rolled_round_root(blade, hub, found)
+
+
+def test_only_fillets_of_which_none_was_stated_give_way():
+    small = {"diameter_mm": 60.0}
+    made = propeller.design(Propeller(**small))
+    radii = {name: getattr(made.parameters, name) for name in FILLETS}
+    assert radii["fillet_trailing_edge_mm"] < 2.0 and radii["fillet_face_mm"] == 2 * radii["fillet_trailing_edge_mm"]
+    with pytest.raises(DesignError, match="the largest radius that fits there"):
+        propeller.design(Propeller(fillet_face_mm=8.0, **small))
 
 
 @pytest.mark.parametrize("hand, trailing_edge_mm", [(True, 4.0), (False, 3.5)], ids=["right", "left, hardly"])

@@ -288,7 +288,8 @@ def test_a_gap_in_which_no_level_has_room_is_entered_layer_by_layer():
     groove = cq.Workplane("XY").box(30, 2.4, 1.8).translate((0, 0, -0.9))
     upper = FacePredicate(name="upper", at_least=2, normal=(0, 0, 1), normal_within_deg=91, center_min_mm=(-11, -7.9, -5),
                           center_max_mm=(11, 7.9, 1))
-    design = part(plate.cut(groove), upper, StockBox(min_mm=(-10, -8, -6), max_mm=(10, 8, 0.3)), Auto(strategy="parallel"), finish=FINER)
+    stock = StockBox(min_mm=(-10, -8, -6), max_mm=(10, 8, 0.3))
+    design = part(plate.cut(groove), upper, stock, Auto(strategy="parallel"), finish=FINER)
     made = plan_setup(design, design.setups[0], MACHINE, catalogue.find_library("small_balls")).operations
     *above, rest = [o for o in made if o.tool.cutter.diameter_mm == 2.0]
     lifts = [o.facts["lifted_mm"] for o in above]
