@@ -16,7 +16,7 @@ from cuspline.planning import feeds
 from cuspline.planning.cutter_choice import ROUND, ball_reach, choose_cutter, cutter_reach
 from cuspline.planning.finishing_chain import FinishingWork
 from cuspline.planning.plating import in_metal, library_within_skin
-from cuspline.planning.standing_skin import under_skin
+from cuspline.planning.standing_skin import StandingSkin
 from cuspline.planning.standing_stock import standing_tree
 from cuspline.planning.tool_depth import (
     HOLDER_CLEARANCE_MM,
@@ -168,7 +168,7 @@ class PlanningContext:
         self.stock_min_mm, self.stock_max_mm = self.piece.box_in(setup.turn)
         self.fixtures = placed_fixtures(setup, setup.turn)
         self.material = material_named(design.material, shop.materials)
-        mesh = design.once("planning mesh", lambda: brep.planning_mesh(solid, MESH_DEFLECTION_MM))
+        self._mesh_of_part = mesh = design.once("planning mesh", lambda: brep.planning_mesh(solid, MESH_DEFLECTION_MM))
         self.triangles = mesh if self.solid is solid else replace(mesh, vertices_mm=setup.turn.into(mesh.vertices_mm))
         asked = [o.clearance_mm for o in setup.operations if o.clearance_mm is not None]
         self.clearance_mm = max([self.practice.clearance_mm, *asked])
@@ -453,10 +453,14 @@ class PlanningContext:
             setups = [s for s in self.design.setups if s.planned_as is None] if is_one_of_many else [self.setup]
             cut = brep.named_faces(faces, self.design.predicates, {name for s in setups for name in s.faces})
             is_cut = np.isin(self.triangles.face_of_triangle, brep.indices_of(faces, cut))
-            corners = self.triangles.vertices_mm[self.triangles.triangles]
             # of positions what none cuts stands as cast; of a setup by itself its own faces are clean from its beginning
-            untouched, asked = (corners[~is_cut], corners[is_cut]) if is_one_of_many else (corners[:0], corners[~is_cut])
-            corners = np.concatenate([untouched, under_skin(asked, self.piece, self.setup.turn, self.practice.rough_allowance_mm)])
+            asked = is_cut if is_one_of_many else ~is_cut
+            corners = self._mesh_of_part.vertices_mm[self._mesh_of_part.triangles]
+            least_mm = self.practice.rough_allowance_mm
+            skin = self.design.once(("skin", least_mm, asked.tobytes()), lambda: StandingSkin(corners[asked], least_mm))
+            standing = skin.corners_on(self.piece) if self.piece.cuts else corners[asked]
+            corners = np.concatenate([corners[~asked] if is_one_of_many else corners[:0], standing])
+            corners = self.setup.turn.into(corners.reshape(-1, 3)).reshape(-1, 3, 3)
             return DropMesh.from_triangles(corners.reshape(-1, 3), np.arange(3 * len(corners))) if len(corners) else None
 
         return self.once("as cast", made)

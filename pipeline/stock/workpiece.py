@@ -155,6 +155,10 @@ class Workpiece:
             least[deep] = np.maximum(least[deep] + more[grows], -limit_mm)
         return least, maker
 
+    def last_cut_leaves_mm(self, points_mm, normals, limit_mm):
+        """(n,) deviations along normals that the last setup alone leaves of endless material, as in `deviations`."""
+        return _in_box(deviations_and_moves, self.cuts[-1], (ENDLESS.min_mm, ENDLESS.max_mm), points_mm, normals, limit_mm)[0]
+
     def _goes_on(self, points_mm, normals):
         """(n,) bool: the blank goes on behind points (n, 3), along -normals."""
         if isinstance(self.blank, BoxShape):

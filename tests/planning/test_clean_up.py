@@ -14,7 +14,7 @@ from cuspline.design.stock import settled
 from cuspline.kernel import brep
 from cuspline.planning.clean_up import _chained, _fall_together, clean_up, squarely_touched
 from cuspline.planning.context import HELD_BY_MM, MADE_AGAIN, PlanningContext
-from cuspline.planning.standing_skin import PATCH_MM, halved_until
+from cuspline.planning.standing_skin import PATCH_MM, StandingSkin, halved_until
 from cuspline.planning.strategies.rest import Rest
 from cuspline.planning.tool_depth import HOLDER_CLEARANCE_MM, SHANK_CLEARANCE_MM, is_clear_above
 from cuspline.shop.practice import Practice
@@ -111,6 +111,27 @@ def test_triangles_are_halved_to_no_more_than_a_length_and_cover_the_same():
     assert np.linalg.norm(np.roll(small, 1, axis=1) - small, axis=2).max() <= PATCH_MM
     assert areas(small).sum(axis=0) == pytest.approx(areas(whole).sum(axis=0), abs=1e-8)
     assert np.linalg.norm(areas(small), axis=1).sum() == pytest.approx(np.linalg.norm(areas(whole), axis=1).sum())
+
+
+def test_what_each_setup_leaves_of_the_skin_is_what_all_cuts_together_leave_at_any_place(context):
+    """Three setups that overlap: each triangle is asked at one place, of the last cut alone."""
+    solid, least = brep.the_solid(context.design.solid), 0.3
+    skin = settled(StockSkin(skin_mm=0.9), solid, Practice())
+    corners = context.triangles.vertices_mm[context.triangles.triangles]
+    standing, pieces = StandingSkin(corners, least), [Workpiece(blank=skin.shape)]
+    for k, (low, high) in enumerate(((-9, -6), (-7, 6), (3, 9))):
+        cut = program((-9, -9, 40), raster((-5.0 + 3 * k, LONG_MM + 4.0 - 3 * k), np.arange(low, high, 1.5), HIGH_MM + 0.1 * k))
+        pieces.append(pieces[-1].after(context.setup.frame, swept_paths(cut, {1: tool("flat", 2)})))
+    small = halved_until(corners, PATCH_MM)
+    normals = np.cross(small[:, 1] - small[:, 0], small[:, 2] - small[:, 0])
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    middles, found = small.mean(axis=1), []
+    for piece in pieces:
+        at = middles, *(0.9 * small[:, k] + 0.1 * middles for k in range(3))
+        found.append(np.any([piece.deviations(p, normals, 0.45)[0] > least for p in at], axis=0))
+    assert [len(standing.corners_on(piece)) for piece in pieces] == [int(f.sum()) for f in found]
+    assert all(np.array_equal(standing.corners_on(piece), small[f]) for piece, f in zip(pieces, found))
+    assert found[0].all() and (np.diff(np.sum(found, axis=1)) < 0).all()
 
 
 @pytest.mark.parametrize("x_mm, is_over_it", [(-200.0, True), (-180.0, False)])
