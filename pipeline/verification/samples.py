@@ -129,14 +129,14 @@ def _bisected(part, longest_mm, rng):
     Returns:
         uv (n, 2); area in parameters (n,); whether the triangle has a corner on the mesh's border (n,).
     """
-    uv, xyz, rim = _in_parameter_plane(part)
+    uv, xyz, rim, border = _in_parameter_plane(part)
     done = []
     while len(uv):
         sides = np.linalg.norm(xyz - np.roll(xyz, -1, axis=1), axis=2)       # corner k to k + 1
         side = sides.argmax(axis=1)
         is_long = sides.max(axis=1) > longest_mm
         done.append((uv[~is_long], rim[~is_long]))
-        uv, xyz, rim = _halved(part.face, *(a[is_long] for a in (uv, xyz, rim, side)))
+        uv, xyz, rim, border = _halved(part.face, *(a[is_long] for a in (uv, xyz, rim, border, side)))
     uv, rim = (np.concatenate(column) for column in zip(*done))
     e, f = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
     area = np.abs(e[:, 0] * f[:, 1] - e[:, 1] * f[:, 0]) / 2
@@ -147,45 +147,47 @@ def _bisected(part, longest_mm, rng):
 
 
 def _in_parameter_plane(part):
-    """Corners of all triangles: parameters (m, 3, 2), points (m, 3, 3) and whether on the mesh's border (m, 3).
+    """Corners of all triangles: parameters (m, 3, 2), points (m, 3, 3), whether each is on the mesh's border (m, 3), and so its
+    side to the next one (m, 3).
 
     Where the surface shrinks to a point, a triangle is a quadrangle in parameters: its halves come out.
     """
     uv, free = part.uv[part.triangles].copy(), free_parameters(part)[part.triangles]
-    xyz, rim = part.points_mm[part.triangles], _rim_corners(part)[part.triangles]
+    border = _border_sides(part)
+    nodes = np.zeros(len(part.uv), bool)
+    nodes[np.concatenate([part.triangles[border], np.roll(part.triangles, -1, axis=1)[border]])] = True
+    xyz, rim = part.points_mm[part.triangles], nodes[part.triangles]
     is_point = free.any(axis=(1, 2))
     if not is_point.any():
-        return uv, xyz, rim
+        return uv, xyz, rim, border
     side = free.any(axis=2)[is_point].argmax(axis=1)
     k = (side[:, None] + np.arange(3)) % 3                       # the point first
     turn = lambda a: np.take_along_axis(a[is_point], k.reshape(k.shape + (1,) * (a.ndim - 2)), axis=1)
-    q, f, x, r = turn(uv), turn(free), turn(xyz), turn(rim)
+    q, f, x, r, b = turn(uv), turn(free), turn(xyz), turn(rim), turn(border)
     near1, near2 = np.where(f[:, 0], q[:, 1], q[:, 0]), np.where(f[:, 0], q[:, 2], q[:, 0])
     first, second = np.stack([near1, q[:, 1], q[:, 2]], axis=1), np.stack([near1, q[:, 2], near2], axis=1)
     whole = ~is_point
     return (np.concatenate([uv[whole], first, second]), np.concatenate([xyz[whole], x, x[:, [0, 2, 0]]]),
-            np.concatenate([rim[whole], r, r[:, [0, 2, 0]]]))
+            np.concatenate([rim[whole], r, r[:, [0, 2, 0]]]), np.concatenate([border[whole], b, np.column_stack([b[:, 2]] * 3)]))
 
 
-def _halved(face, uv, xyz, rim, side):
+def _halved(face, uv, xyz, rim, border, side):
     """Both halves of triangles cut from the middle of side `side` (k to k + 1) to the opposite corner."""
     k = (side[:, None] + np.arange(3)) % 3
     turn = lambda a: np.take_along_axis(a, k.reshape(k.shape + (1,) * (a.ndim - 2)), axis=1)
-    uv, xyz, rim = turn(uv), turn(xyz), turn(rim)
+    uv, xyz, rim, border = turn(uv), turn(xyz), turn(rim), turn(border)
     middle = (uv[:, 0] + uv[:, 1]) / 2
-    exact = surface_points(face, middle)
-    edge = rim[:, 0] & rim[:, 1]
+    exact, edge, within = surface_points(face, middle), border[:, 0], np.zeros(len(uv), bool)
     halves = lambda a, m: np.concatenate([np.stack([a[:, 0], m, a[:, 2]], axis=1), np.stack([m, a[:, 1], a[:, 2]], axis=1)])
-    return halves(uv, middle), halves(xyz, exact), halves(rim, edge)
+    sides = np.concatenate([np.stack([edge, within, border[:, 2]], axis=1), np.stack([edge, border[:, 1], within], axis=1)])
+    return halves(uv, middle), halves(xyz, exact), halves(rim, edge), sides
 
 
-def _rim_corners(part):
-    """(n,) bool: mesh nodes on sides that belong to one triangle only."""
-    sides = np.sort(np.concatenate([part.triangles[:, [0, 1]], part.triangles[:, [1, 2]], part.triangles[:, [2, 0]]]))
-    unique, count = np.unique(sides, axis=0, return_counts=True)
-    rim = np.zeros(len(part.uv), dtype=bool)
-    rim[unique[count == 1].ravel()] = True
-    return rim
+def _border_sides(part):
+    """(m, 3) bool: sides, corner k to k + 1, that belong to one triangle only."""
+    sides = np.sort(np.stack([part.triangles, np.roll(part.triangles, -1, axis=1)], axis=2), axis=2).reshape(-1, 2)
+    _, which, count = np.unique(sides, axis=0, return_inverse=True, return_counts=True)
+    return (count == 1)[which.ravel()].reshape(-1, 3)
 
 
 def _is_inside(classifier, uv):
