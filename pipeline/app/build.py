@@ -72,12 +72,18 @@ class Order:
     design: object              # design.Design
     machine: object
     library: object
-    spare: tuple[str, ...] = ()     # names of libraries with smaller cutters: taken in turn where the one before leaves a face
+    spare: tuple[str, ...] = ()     # names of libraries with smaller cutters: taken in turn where the one before leaves a face; of
+                                    # the first alone the slots and pockets into which the library's do not get
     shop: ShopFile = ShopFile()     # what the shop decides
     accepted: tuple[str, ...]
     out: Path
     last_stage: str
     revision: str = ""          # of the repository, where whoever builds says it; "" nobody does
+
+    @property
+    def smaller(self):
+        """The ToolLibrary with the first spare ones beside the design's own tools; None: there are none."""
+        return find_library(self.spare[0]).with_tools(self.design.tools) if self.spare else None
 
 
 def build(order, say=lambda text: None):
@@ -157,7 +163,7 @@ def _made(order, work, say):
                 raise
         _leave_only(work, there)
         say(f"{design.name}: the cutters do not get to all faces; planned again with smaller ones beside them")
-        order = replace(order, library=find_library(order.spare[0]).with_tools(design.tools), spare=order.spare[1:])
+        order = replace(order, library=order.smaller, spare=order.spare[1:])
         inputs = inputs_hash(order, step)
 
 
@@ -253,7 +259,7 @@ def _planned(order, say):
             say(f"{design.name}: stock after {plans[cut].setup.name}")
             piece, cut = _cut_by(order, piece, plans[cut]), cut + 1
         say(f"{design.name}: plan {setup.name}")
-        plans.append(plan_setup(design, setup, order.machine, order.library, piece, order.shop))
+        plans.append(plan_setup(design, setup, order.machine, order.library, piece, order.shop, smaller=order.smaller))
         _let_go(plans)
     idle = {plan.setup.name for plan in plans if not plan.operations and is_cut_by_others(plan, plans)}
     for name in sorted(idle):
@@ -665,6 +671,7 @@ def inputs_hash(order, step):
              "stock": design.stock.model_dump(mode="json"), "finish": design.finish.model_dump(mode="json"),
              "setups": [s.model_dump(mode="json") for s in design.setups],
              "machine": order.machine.model_dump(mode="json"), "library": order.library.model_dump(mode="json"),
+             "spare": order.spare,
              "shop": order.shop.model_dump(mode="json", exclude={"practice": {"stock_allowance_mm"}}),     # the stock has it
              "accepted": order.accepted, "version": cuspline.__version__, **sources_of_post(order.machine)}
     files = [item.path.read_bytes() for item in (design.stock, *(f for s in design.setups for f in s.fixtures))

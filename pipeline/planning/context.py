@@ -144,18 +144,17 @@ class PlanningContext:
     Lengths in the part as it lies in this setup: `setup.turn` is that frame, the spindle stands along its Z.
     """
 
-    def __init__(self, design, setup, machine, library, before=None, shop=ShopFile(), tolerance_share=1.0):
+    def __init__(self, design, setup, machine, library, before=None, shop=ShopFile(), tolerance_share=1.0, smaller=None):
         """
         Args:
-            design, setup, machine, library: see `plan.plan_setup`.
+            design, setup, machine, library, smaller: see `plan.plan_setup`.
             before: stock.workpiece.Workpiece that earlier setups leave; None: the stock as it comes.
             shop: shop.practice.ShopFile.
             tolerance_share: of every profile tolerance, that paths keep to.
         """
         self.design, self.setup, self.machine, self.before = design, setup, machine, before
-        self.plating_mm, self.magazine = design.finish.plating_mm, library
-        within = library_within_skin(library, self.plating_mm) if self.plating_mm else library
-        self.library = within.in_spindle(round_the_spindle(machine))
+        self.plating_mm, self.given, self.magazine = design.finish.plating_mm, (library, smaller), smaller or library
+        self.library, self._with_smaller = (cutters and self._within_skin(cutters) for cutters in self.given)
         self.shop, self.tolerance_share, self.planned, self._shared, self.only = shop, tolerance_share, (), Known(), None
         alone = setup.operations[0] if len(setup.operations) == 1 else None
         self.operation = alone if isinstance(alone, Finishing) else Finishing(steep_deg=STEEP_DEG)
@@ -202,6 +201,20 @@ class PlanningContext:
         mine.only = frozenset(wanted)
         mine._look_at(mine.face_names)
         return mine
+
+    @property
+    def with_smaller(self):
+        """[the same with smaller cutters beside those of the library]; []: there are none."""
+        if self._with_smaller is None:
+            return []
+        mine = copy(self)
+        mine.library, mine._with_smaller = self._with_smaller, None
+        return [mine]
+
+    def _within_skin(self, library):
+        """The library as it is planned with: within the plating, and in the machine's spindle."""
+        within = library_within_skin(library, self.plating_mm) if self.plating_mm else library
+        return within.in_spindle(round_the_spindle(self.machine))
 
     def _refuse_turning(self, operation):
         """A turning axis where the machine cannot hold it, or the verdict could not follow it."""

@@ -110,7 +110,16 @@ def is_prismatic(work):
 
 
 def pockets_made(work, made):
-    """The same Featured with slots, then pockets, of upright walls, deepest last; what neither can do stays for others."""
+    """The same Featured with slots, then pockets, of upright walls, deepest last, by smaller cutters where the usual ones do not
+    get in; what neither can do stays for others."""
+    made = _pockets_made(work, made)
+    for one in work.with_smaller:
+        more = _pockets_made(one, made)
+        made = more if more.operations != made.operations else made
+    return made
+
+
+def _pockets_made(work, made):
     slots, pockets = _slots_and_pockets(work, set(made.left(work)))
     for slot in slots:
         made, is_made = tried(work, made, Slot(), slot)
