@@ -29,7 +29,7 @@ def hole(at, diameter):
     return cq.Workplane("XY", origin=(*at, -1)).circle(diameter / 2).extrude(20)
 
 
-def planned(solid, margin=0.3, shop=SHOP, stock=StockBox(min_mm=(0, 0, 0), max_mm=(X, Y, Z)), **says):
+def planned(solid, margin=0.3, shop=SHOP, stock=StockBox(min_mm=(0, 0, 0), max_mm=(X, Y, Z)), smaller=None, **says):
     """SetupPlan of all faces of a block but its base, by Auto; a margin of -1 takes its sides and its top."""
     inner = FacePredicate(name="all", at_least=1, center_min_mm=(margin, margin, 0.3), normal=(0, 0, 1), normal_within_deg=91.0,
                           center_max_mm=(X - margin, Y - margin, Z - margin))
@@ -39,7 +39,7 @@ def planned(solid, margin=0.3, shop=SHOP, stock=StockBox(min_mm=(0, 0, 0), max_m
                     stock=stock,
                     finish=Finish(scallop_mm=0.3, profile_tolerance_mm=0.03, gouge_mm=0.03),
                     setups=(Setup(name="setup-1", faces=("all",), operations=(Auto(),), wcs_in_words="corner"),), **says)
-    return plan_setup(design, design.setups[0], MACHINE, shop)
+    return plan_setup(design, design.setups[0], MACHINE, shop, smaller=smaller)
 
 
 def facts(plan):
@@ -81,6 +81,21 @@ def test_a_pocket_that_no_flat_cutter_fits_is_left_to_balls_and_they_say_why():
     assert {"pocket rough", "pocket floor", "pocket walls"} <= set(said) and "instead_of" not in said["pocket walls"]
     others = [f for n, f in said.items() if "pocket" not in n]
     assert others and all("pocket: its walls are rounded by 4.500 mm, and no flat cutter" in f["instead_of"] for f in others)
+
+
+def test_into_what_no_usual_flat_cutter_gets_a_smaller_one_goes_and_only_there():
+    """Corners of 4.5 mm and a slot of 7.1 mm: 6 mm both; the other pocket is made as if there were no smaller ones."""
+    wide = block().cut(pocket((16, 18), (20, 18), 6.0))
+    tight = cq.Workplane("XY", origin=(16, 4.5, Z - 1.5)).slot2D(24, 7.1).extrude(9)
+    small = catalogue.find_library("small_mills")
+    alone, made = planned(wide), planned(wide.cut(pocket((46, 15), (12, 12), 4.5, 0.8)).cut(tight), smaller=small)
+    usual = {t.number for t in SHOP.tools}
+    wall_tools = [o.tool.cutter.diameter_mm for o in made.operations if o.name in ("pocket walls", "slot walls")]
+    assert sorted(wall_tools) == [6.0, 6.0, 10.0] and not any(o.tool.cutter.type == "ball" for o in made.operations)
+    assert all("instead_of" in o.facts for o in made.operations if o.tool.number not in usual)
+    assert [o.tool.number for o in alone.operations] == [o.tool.number for o in made.operations if "instead_of" not in o.facts]
+    assert made.context.given == (SHOP, small)
+    assert planned(wide, smaller=small).operations[-1].moves.end_mm.tolist() == alone.operations[-1].moves.end_mm.tolist()
 
 
 def test_an_outline_is_contoured_and_a_level_top_is_swept_by_a_flat_cutter():
