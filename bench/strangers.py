@@ -24,15 +24,18 @@ PARTS = ("bracket", "housing", "manifold", "oring_cover", "hub", "two_sides", "s
          "cf40", "trunnion_valve", "fillet_lid", "wing_rib", "hull_half", "fan_disc", "ribbed_cavity",
          "sensor_plate", "knuckle", "duct")
 PLATES = ("gland_flange", "phone_holder", "bearing_seat", "mould_core", "optic_mount", "stamp", "ring_wheel", "saddle_block")
+LABS = ("pole_tip", "waveguide", "half_cell", "rudder", "bulb", "bottle_mould", "lens_insert", "chevron", "watch_bridge",
+        "big_plate")
+FAMILIES = {**dict.fromkeys(PLATES, "plates.py"), **dict.fromkeys(LABS, "labs.py")}       # files of many parts
 LIBRARIES = {"inch_plate": ("--cutters", "inch_mills"),
-             **dict.fromkeys(("electrode", "keyboard", "gear", *PLATES), ())}      # none is named
+             **dict.fromkeys(("electrode", "keyboard", "gear", *FAMILIES), ())}      # none is named
 JOBS = ("clamp", "gear")    # STEP with a job file
 
 
 def source_of(part, folder):
     """What `cuspline build` is given; of a job file its STEP is written beside it."""
-    if part in PLATES:
-        return HERE / "plates.py", "-p", f"part={part}"
+    if part in FAMILIES:
+        return HERE / FAMILIES[part], "-p", f"part={part}"
     if part not in JOBS:
         return (HERE / f"{part}.py",)
     spec = importlib.util.spec_from_file_location(part, HERE / f"{part}.py")
@@ -60,4 +63,4 @@ def main(parts):
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:] or (*PARTS, *PLATES))
+    main(sys.argv[1:] or (*PARTS, *FAMILIES))
