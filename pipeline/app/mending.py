@@ -163,8 +163,8 @@ def _mended(plan, want, number, by):
     if want.gouge_mm:
         share = TIGHTER * context.tolerance_share
         try:
-            again = plan_setup(context.design, context.setup, context.machine, context.given[0], context.before,
-                               context.shop, share, context.given[1])
+            again = plan_setup(context.design, context.setup, context.machine, context.given, context.before,
+                               context.shop, share)
         except CamError as error:
             return _told(plan, {**told, "done": f"nothing: {error}"})
         return replace(again, mending=(*plan.mending, {**told, "done": "planned again to a tolerance of "

@@ -144,17 +144,17 @@ class PlanningContext:
     Lengths in the part as it lies in this setup: `setup.turn` is that frame, the spindle stands along its Z.
     """
 
-    def __init__(self, design, setup, machine, library, before=None, shop=ShopFile(), tolerance_share=1.0, smaller=None):
+    def __init__(self, design, setup, machine, library, before=None, shop=ShopFile(), tolerance_share=1.0):
         """
         Args:
-            design, setup, machine, library, smaller: see `plan.plan_setup`.
+            design, setup, machine, library: see `plan.plan_setup`.
             before: stock.workpiece.Workpiece that earlier setups leave; None: the stock as it comes.
             shop: shop.practice.ShopFile.
             tolerance_share: of every profile tolerance, that paths keep to.
         """
         self.design, self.setup, self.machine, self.before = design, setup, machine, before
-        self.plating_mm, self.given, self.magazine = design.finish.plating_mm, (library, smaller), smaller or library
-        self.library, self._with_smaller = (cutters and self._within_skin(cutters) for cutters in self.given)
+        self.plating_mm, self.given, self.magazine = design.finish.plating_mm, library, library.smaller or library
+        self.library = self._within_skin(library).with_smaller(library.smaller and self._within_skin(library.smaller))
         self.shop, self.tolerance_share, self.planned, self._shared, self.only = shop, tolerance_share, (), Known(), None
         alone = setup.operations[0] if len(setup.operations) == 1 else None
         self.operation = alone if isinstance(alone, Finishing) else Finishing(steep_deg=STEEP_DEG)
@@ -205,10 +205,10 @@ class PlanningContext:
     @property
     def with_smaller(self):
         """[the same with smaller cutters beside those of the library]; []: there are none."""
-        if self._with_smaller is None:
+        if self.library.smaller is None:
             return []
         mine = copy(self)
-        mine.library, mine._with_smaller = self._with_smaller, None
+        mine.library = self.library.smaller
         return [mine]
 
     def _within_skin(self, library):

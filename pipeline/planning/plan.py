@@ -142,7 +142,7 @@ def _shifted(passes, into):
     return passes and passes.shifted(into(np.zeros((1, 3)))[0])
 
 
-def plan_setup(design, setup, machine, library, before=None, shop=ShopFile(), tolerance_share=1.0, smaller=None):
+def plan_setup(design, setup, machine, library, before=None, shop=ShopFile(), tolerance_share=1.0):
     """Plan one setup.
 
     Args:
@@ -153,14 +153,13 @@ def plan_setup(design, setup, machine, library, before=None, shop=ShopFile(), to
         before: stock.workpiece.Workpiece that earlier setups leave; None: the stock as it comes.
         shop: shop.practice.ShopFile.
         tolerance_share: of every profile tolerance, that paths keep to.
-        smaller: ToolLibrary of the same tools and smaller ones, for slots and pockets that the others do not get into; None: none.
     Returns:
         SetupPlan; places in part coordinates.
     Raises:
         PlanError, CutterDoesNotFit, ToolpathError: what cannot be done, where, and how to mend it.
     """
     setup = setup if setup.operations else setup.model_copy(update={"operations": (Auto(),)})
-    context = PlanningContext(design, setup, machine, library, before, shop, tolerance_share, smaller)
+    context = PlanningContext(design, setup, machine, library, before, shop, tolerance_share)
     operations, accounts, reached = [], [], np.zeros(len(context.samples.area_mm2), bool)
     for operation in setup.operations:
         work = context.of(operation, operations)

@@ -14,7 +14,7 @@ import math
 from typing import Literal
 
 import numpy as np
-from pydantic import Field, model_serializer, model_validator
+from pydantic import Field, PrivateAttr, model_serializer, model_validator
 
 from cuspline.shop.cutter_profile import apt_profile, lens_profile, point_profile, side_profile, tangent_corner
 from cuspline.shop.presets import Preset
@@ -514,6 +514,18 @@ class ToolLibrary(Model):
     """The shop's tools."""
 
     tools: tuple[Tool, ...] = Field(min_length=1)
+    _smaller: object = PrivateAttr(default=None)
+
+    @property
+    def smaller(self):
+        """ToolLibrary of the same tools and smaller ones, for slots and pockets that these do not get into; None: there is none."""
+        return self._smaller
+
+    def with_smaller(self, library):
+        """The same tools, with that one at hand for what they do not get into; None: with none."""
+        mine = self.model_copy()
+        mine._smaller = library
+        return mine
 
     @model_validator(mode="after")
     def _numbers_are_unique(self):

@@ -29,7 +29,7 @@ def hole(at, diameter):
     return cq.Workplane("XY", origin=(*at, -1)).circle(diameter / 2).extrude(20)
 
 
-def planned(solid, margin=0.3, shop=SHOP, stock=StockBox(min_mm=(0, 0, 0), max_mm=(X, Y, Z)), smaller=None, **says):
+def planned(solid, margin=0.3, shop=SHOP, stock=StockBox(min_mm=(0, 0, 0), max_mm=(X, Y, Z)), **says):
     """SetupPlan of all faces of a block but its base, by Auto; a margin of -1 takes its sides and its top."""
     inner = FacePredicate(name="all", at_least=1, center_min_mm=(margin, margin, 0.3), normal=(0, 0, 1), normal_within_deg=91.0,
                           center_max_mm=(X - margin, Y - margin, Z - margin))
@@ -39,7 +39,7 @@ def planned(solid, margin=0.3, shop=SHOP, stock=StockBox(min_mm=(0, 0, 0), max_m
                     stock=stock,
                     finish=Finish(scallop_mm=0.3, profile_tolerance_mm=0.03, gouge_mm=0.03),
                     setups=(Setup(name="setup-1", faces=("all",), operations=(Auto(),), wcs_in_words="corner"),), **says)
-    return plan_setup(design, design.setups[0], MACHINE, shop, smaller=smaller)
+    return plan_setup(design, design.setups[0], MACHINE, shop)
 
 
 def facts(plan):
@@ -87,15 +87,15 @@ def test_into_what_no_usual_flat_cutter_gets_a_smaller_one_goes_and_only_there()
     """Corners of 4.5 mm and a slot of 7.1 mm: 6 mm both; the other pocket is made as if there were no smaller ones."""
     wide = block().cut(pocket((16, 18), (20, 18), 6.0))
     tight = cq.Workplane("XY", origin=(16, 4.5, Z - 1.5)).slot2D(24, 7.1).extrude(9)
-    small = catalogue.find_library("small_mills")
-    alone, made = planned(wide), planned(wide.cut(pocket((46, 15), (12, 12), 4.5, 0.8)).cut(tight), smaller=small)
+    both = SHOP.with_smaller(catalogue.find_library("small_mills"))
+    alone, made = planned(wide), planned(wide.cut(pocket((46, 15), (12, 12), 4.5, 0.8)).cut(tight), shop=both)
     usual = {t.number for t in SHOP.tools}
     wall_tools = [o.tool.cutter.diameter_mm for o in made.operations if o.name in ("pocket walls", "slot walls")]
     assert sorted(wall_tools) == [6.0, 6.0, 10.0] and not any(o.tool.cutter.type == "ball" for o in made.operations)
     assert all("instead_of" in o.facts for o in made.operations if o.tool.number not in usual)
     assert [o.tool.number for o in alone.operations] == [o.tool.number for o in made.operations if "instead_of" not in o.facts]
-    assert made.context.given == (SHOP, small)
-    assert planned(wide, smaller=small).operations[-1].moves.end_mm.tolist() == alone.operations[-1].moves.end_mm.tolist()
+    assert made.context.given is both and both.smaller.number(12).cutter.diameter_mm == 6.0
+    assert planned(wide, shop=both).operations[-1].moves.end_mm.tolist() == alone.operations[-1].moves.end_mm.tolist()
 
 
 def test_an_outline_is_contoured_and_a_level_top_is_swept_by_a_flat_cutter():
