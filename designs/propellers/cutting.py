@@ -18,12 +18,16 @@ from cuspline.design import FixtureCylinder, Marker, Setup, StockSkin
 from cuspline.designs.propellers.blade import about_x
 from cuspline.kernel import brep
 from cuspline.planning.cutter_choice import FIT_SHARE
-from cuspline.planning.positions import UNIT_DECIMALS, Held, axes_along, positions
+from cuspline.planning.positions import UNIT_DECIMALS, Held, axes_along, positions, turnable
 from cuspline.planning.strategies.dimples import Dimples
 from cuspline.planning.strategies.parallel import Parallel
 from cuspline.planning.strategies.rest import Rest
+from cuspline.planning.tool_depth import CLEARANCES_MM, HOLDER_CLEARANCE_MM
+from cuspline.replay.clearance import ClearanceTree
+from cuspline.replay.machine_bodies import turned_to
 from cuspline.shop.cutters import Holder, HolderSegment
 from cuspline.surfaces.curvature import sample_faces
+from cuspline.toolpaths.five_axis.clear_axes import AxisSearch
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import DesignError
 from cuspline.values.frames import Frame
@@ -54,6 +58,9 @@ MESH_MM = 0.02              # of the triangles that are looked at, off the part:
 ARBOR_SHARE = 0.85          # of the hub's diameter
 GAP_MM = 0.5                # between hub and arbor, blade and post: the casting's skin as it is
 LEAST_DIMPLE_MM = 0.15
+LEANS_DEG = tuple(range(0, 65, 5))      # of the tool, up from where a dimple looks
+TURNS_DEG = tuple(range(-40, 45, 10))   # and round the shaft from there
+BESIDE_MM = 3.0             # before its dimple, that the ball begins
 AS_IT_IS = np.eye(3)
 
 
@@ -69,7 +76,8 @@ class Clamping:
     in_words: str
     fixtures: tuple
     markers: tuple = ()         # Marker values that are touched in it
-    dimples: tuple = ()         # [(direction (3,), names of markers)]: cut in it for the clamping after
+    cuts: tuple = ()            # Marker values that are cut in it for the clamping after
+    dimples: tuple = ()         # [(direction (3,) in which they look, their names)] of these
 
     @property
     def held(self):
@@ -91,8 +99,9 @@ def cut(design, made, p):
     clampings = _flipped(design, made, p, balls) if is_flipped(made.blade.table, p) else [_on_rotary_table(made, p)]
     setups = []
     for clamping, ways in zip(clampings, _ways(design, p, balls, clampings)):
+        from_above = _leaning(clamping, design, p, balls[-1])
         setups += [_position(clamping, f"markers-{j + 1}", TIP_1, way, (Dimples(markers=touched, tool=balls[-1].number),))
-                   for j, (way, touched) in enumerate(clamping.dimples)]
+                   for j, (way, (_, touched)) in enumerate(zip(from_above, clamping.dimples))]
         setups += [_setup(clamping, k, j, _names(k + 1, p, clamping.side), about_x(k * 2 * np.pi / count), way,
                           _operations(balls, j == 0)) for k in order for j, way in enumerate(ways)]
     with_it = "its fillet" if len(order) == 1 else "their fillets"
@@ -222,7 +231,7 @@ def _flipped(design, made, p, balls):
         found.append(Clamping(
             side=f"{side}-", machine=GANTRY, x=BLADE_1, z=z, zero_mm=(float(zero), 0.0, 0.0),
             fixtures=(_arbor(made.hub, p, table, end), *posts), markers=markers if second else (),
-            dimples=() if second else dimples,
+            cuts=() if second else markers, dimples=() if second else dimples,
             in_words=f"X along blade 1, Z along the shaft with the {side} of the blades up, zero {abs(zero):.3f} below the "
                      "propeller's centre" + (", found by the dimples in the hub" if second else "")))
     return found
@@ -281,6 +290,35 @@ def _markers(made, p, ball_mm):
         dimples.append((np.array([0.0, fixed.cos(way), fixed.sin(way)]), tuple(m.name for m in mine)))
         markers += mine
     return tuple(markers), tuple(dimples)
+
+
+def _leaning(clamping, design, p, ball):
+    """[(3,)] directions from which the dimples of a Clamping are cut: as they look, or beside that and up as far as tool and head
+    need it to have room over the casting; where nothing gives it, as they look.   ball: Tool."""
+    if not clamping.dimples:
+        return []
+    held, up, at = clamping.held, np.array(clamping.z), {m.name: np.array(m.at_mm) for m in clamping.cuts}
+    mesh = brep.planning_mesh(brep.the_solid(design.solid, f"design {design.name}"), MESH_MM)
+    part = mesh.vertices_mm, mesh.triangles
+    tool = AxisSearch.of_tool(ClearanceTree.of_triangles(*part), ball, keep_mm=CLEARANCES_MM + p.skin_mm)
+
+    def has_room(way, look, places):
+        if not len(turnable(way[None], held.machine.kinematics, held.frame)):
+            return False
+        turned, tips = turned_to(held.machine, held.frame, way), places - ball.cutter.radius_mm * way
+        holds = held.beside_at(turned)
+        both = np.vstack([tips, tips + BESIDE_MM * look]), ball.length_mm
+        return (bool(tool.is_clear(places, np.broadcast_to(way, places.shape)).all())
+                and held.comes_to(way, turned, [both], [part] if holds is None else [part, holds], p.skin_mm + HOLDER_CLEARANCE_MM))
+
+    found = []
+    for look, names in clamping.dimples:
+        places = np.array([at[name] for name in names])
+        ways = [fixed.cos(lean) * fixed.matmul(about_x(turn), look) + fixed.sin(lean) * up
+                for turn in np.radians(TURNS_DEG).tolist() for lean in np.radians(LEANS_DEG).tolist()]
+        ways.sort(key=lambda way: -round(float(way @ look), 9))
+        found.append(next((way for way in ways if has_room(way, look, places)), look))
+    return found
 
 
 def _setup(clamping, k, j, names, turn, way, operations):

@@ -142,6 +142,18 @@ class Held:
         joints = chain.placed(tips, np.tile(turned_rad, (len(tips), 1)), length_mm)[:, linear]
         return bool(((joints >= chain.low[linear] + ENDS_MM) & (joints <= chain.high[linear] - ENDS_MM)).all())
 
+    def comes_to(self, way, turned_rad, tools, standing, keep_mm):
+        """Whether X, Y and Z reach all tips of tools along `way` (3,), with room for what carries the spindle.
+
+        Args:
+            turned_rad: (r,) where the rotaries stand then.   tools: [((n, 3) tips, part coordinates, length in mm)].
+            standing, keep_mm: see `head_room`.
+        """
+        if not all(self.goes_to(turned_rad, tips, length) for tips, length in tools):
+            return False
+        room = self.head_room(turned_rad, way, standing, keep_mm)
+        return room is None or all(room.is_free(tips + length * way) for tips, length in tools)
+
     def beside_at(self, turned_rad):
         """(vertices, triangles) of fixtures and what turns with the part or carries it, part coordinates, the rotaries at (r,);
         None: there is nothing."""
@@ -281,12 +293,9 @@ class _Look:
 
     def _comes_to(self, seen, way, held, turned_rad, holds):
         """Whether the machine goes to all places that balls see (balls, n), and has room there for what carries its spindle."""
-        tips = [ball.tips_mm(way, rows) for ball, rows in zip(self.on_tools, seen)]
-        if not all(held.goes_to(turned_rad, t, ball.length_mm) for ball, t in zip(self.on_tools, tips)):
-            return False
+        tools = [(ball.tips_mm(way, rows), ball.length_mm) for ball, rows in zip(self.on_tools, seen)]
         standing = [self.mesh] if holds is None else [self.mesh, holds]
-        room = held.head_room(turned_rad, way, standing, self.standing_mm + HOLDER_CLEARANCE_MM)
-        return room is None or all(room.is_free(t + ball.length_mm * way) for ball, t in zip(self.on_tools, tips))
+        return held.comes_to(way, turned_rad, tools, standing, self.standing_mm + HOLDER_CLEARANCE_MM)
 
     def chosen(self, candidates, left, steepest_deg, least_mm2):
         """([Position], (n,) bool: places that they leave), greedily, of places that are left (n,) bool.
