@@ -355,10 +355,10 @@ class _Trial:
             share = 1.0 - mending.MARGIN
             deep = first.first.gouges_mm(share * finish.gouge_mm)
             wants = [mending.wants_of(found, finish, mm, share) for (found, _), mm in zip(first.first.residuals, deep)]
-            own, is_changed = mending.mended(own, wants, number, "the planner's own check")
+            own, is_changed = self._mended(own, wants, number, "the planner's own check")
             if not is_changed:
                 wants = [mending.wants_between(proof, finish) for proof in first.first.proofs]
-                own, is_changed = mending.mended(own, wants, number, "the planner's own proof between samples")
+                own, is_changed = self._mended(own, wants, number, "the planner's own proof between samples")
             if not is_changed:
                 break
             self.tell(f"planned again, round {number} of the planner's own check")
@@ -369,6 +369,12 @@ class _Trial:
         first, by_name = None, {p.setup.name: p for p in own}
         plans = with_copies([by_name.get(p.setup.name, p) for p in plans])
         return plans, self.posted(plans, instead_of=job), None
+
+    def _mended(self, plans, wants, number, by):
+        """`mending.mended`, which takes minutes of many positions: told where there is something to mend."""
+        if not all(want.is_none for want in wants):
+            self.tell(f"mending what {by} found, round {number}")
+        return mending.mended(plans, wants, number, by)
 
     def planned(self, plans):
         """The plans as `checked`; of the programs that it took nothing stays."""
@@ -395,7 +401,7 @@ class _Trial:
             if number > mending.ROUNDS:
                 break
             wants = [mending.wants_of_verdict(v, self.order.accepted) for v in judged.verdict.setups]
-            plans, is_mended = mending.mended(plans, wants, number, "the verdict")
+            plans, is_mended = self._mended(plans, wants, number, "the verdict")
             if not is_mended:
                 break
             self.tell(f"corrected, round {number} of {mending.ROUNDS}")
