@@ -373,7 +373,7 @@ class _Trial:
     def _mended(self, plans, wants, number, by):
         """`mending.mended`, which takes minutes of many positions: told where there is something to mend."""
         if not all(want.is_none for want in wants):
-            self.tell(f"mending what {by} found, round {number}")
+            self.tell(f"correcting what {by} found, round {number}")
         return mending.mended(plans, wants, number, by)
 
     def planned(self, plans):
