@@ -18,16 +18,12 @@ from cuspline.design import FixtureCylinder, Marker, Setup, StockSkin
 from cuspline.designs.propellers.blade import about_x
 from cuspline.kernel import brep
 from cuspline.planning.cutter_choice import FIT_SHARE
-from cuspline.planning.positions import UNIT_DECIMALS, Held, axes_along, positions, turnable
+from cuspline.planning.positions import UNIT_DECIMALS, Held, axes_along, positions, ways_with_room
 from cuspline.planning.strategies.dimples import Dimples
 from cuspline.planning.strategies.parallel import Parallel
 from cuspline.planning.strategies.rest import Rest
-from cuspline.planning.tool_depth import CLEARANCES_MM, HOLDER_CLEARANCE_MM
-from cuspline.replay.clearance import ClearanceTree
-from cuspline.replay.machine_bodies import turned_to
 from cuspline.shop.cutters import Holder, HolderSegment
 from cuspline.surfaces.curvature import sample_faces
-from cuspline.toolpaths.five_axis.clear_axes import AxisSearch
 from cuspline.values import fixed_math as fixed
 from cuspline.values.errors import DesignError
 from cuspline.values.frames import Frame
@@ -97,11 +93,11 @@ def cut(design, made, p):
     order = blade_order(count, p.blade_order) if p.blades_cut == "all" else [0]
     balls = [extended(tool, p.extension_mm) for tool in _balls(p)]
     clampings = _flipped(design, made, p, balls) if is_flipped(made.blade.table, p) else [_on_rotary_table(made, p)]
-    setups = []
-    for clamping, ways in zip(clampings, _ways(design, p, balls, clampings)):
-        from_above = _leaning(clamping, design, p, balls[-1])
+    solid = brep.the_solid(design.solid, f"design {design.name}")
+    mesh, setups = brep.planning_mesh(solid, MESH_MM), []
+    for clamping, ways in zip(clampings, _ways(design, solid, mesh, p, balls, clampings)):
         setups += [_position(clamping, f"markers-{j + 1}", TIP_1, way, (Dimples(markers=touched, tool=balls[-1].number),))
-                   for j, (way, (_, touched)) in enumerate(zip(from_above, clamping.dimples))]
+                   for j, (way, (_, touched)) in enumerate(zip(_leaning(clamping, mesh, p, balls[-1]), clamping.dimples))]
         setups += [_setup(clamping, k, j, _names(k + 1, p, clamping.side), about_x(k * 2 * np.pi / count), way,
                           _operations(balls, j == 0)) for k in order for j, way in enumerate(ways)]
     with_it = "its fillet" if len(order) == 1 else "their fillets"
@@ -156,12 +152,15 @@ def _operations(balls, is_first):
     return (Parallel(tool=balls[0].number, **same), *rest[1:]) if is_first else tuple(rest)
 
 
-def _ways(design, p, balls, clampings):
-    """[[(3,)]] directions from which blade 1 is cut in each clamping, those that see most first.   balls: Tools."""
-    solid = brep.the_solid(design.solid, f"design {design.name}")
+def _ways(design, solid, mesh, p, balls, clampings):
+    """[[(3,)]] directions from which blade 1 is cut in each clamping, those that see most first.
+
+    Args:
+        design: Design.   solid: its own.   mesh: of that.   p: PropellerParameters.   balls: Tools.   clampings: Clamping values.
+    """
     held = [clamping.held for clamping in clampings]
     found = positions(solid, _of_blade_1(design, solid, p), find_library(None).model_copy(update={"tools": tuple(balls)}),
-                      ways=tuple(held), steepest_deg=SEEN_DEG, standing_mm=p.skin_mm, finely=(PLACES, MESH_MM, CLOSER))
+                      ways=tuple(held), steepest_deg=SEEN_DEG, standing_mm=p.skin_mm, finely=(PLACES, mesh, CLOSER))
     _refuse_unseen(found, balls, p)
     return [[q.direction for q in found.positions if q.held is one] for one in held]
 
@@ -292,33 +291,21 @@ def _markers(made, p, ball_mm):
     return tuple(markers), tuple(dimples)
 
 
-def _leaning(clamping, design, p, ball):
+def _leaning(clamping, mesh, p, ball):
     """[(3,)] directions from which the dimples of a Clamping are cut: as they look, or beside that and up as far as tool and head
-    need it to have room over the casting; where nothing gives it, as they look.   ball: Tool."""
-    if not clamping.dimples:
-        return []
-    held, up, at = clamping.held, np.array(clamping.z), {m.name: np.array(m.at_mm) for m in clamping.cuts}
-    mesh = brep.planning_mesh(brep.the_solid(design.solid, f"design {design.name}"), MESH_MM)
-    part = mesh.vertices_mm, mesh.triangles
-    tool = AxisSearch.of_tool(ClearanceTree.of_triangles(*part), ball, keep_mm=CLEARANCES_MM + p.skin_mm)
+    need it to have room over the casting; where nothing gives it, as they look.
 
-    def has_room(way, look, places):
-        if not len(turnable(way[None], held.machine.kinematics, held.frame)):
-            return False
-        turned, tips = turned_to(held.machine, held.frame, way), places - ball.cutter.radius_mm * way
-        holds = held.beside_at(turned)
-        both = np.vstack([tips, tips + BESIDE_MM * look]), ball.length_mm
-        return (bool(tool.is_clear(places, np.broadcast_to(way, places.shape)).all())
-                and held.comes_to(way, turned, [both], [part] if holds is None else [part, holds], p.skin_mm + HOLDER_CLEARANCE_MM))
-
-    found = []
+    Args:
+        clamping: Clamping.   mesh: of the solid.   p: PropellerParameters.   ball: Tool.
+    """
+    at, up, asked = {m.name: np.array(m.at_mm) for m in clamping.cuts}, np.array(clamping.z), []
     for look, names in clamping.dimples:
         places = np.array([at[name] for name in names])
         ways = [fixed.cos(lean) * fixed.matmul(about_x(turn), look) + fixed.sin(lean) * up
                 for turn in np.radians(TURNS_DEG).tolist() for lean in np.radians(LEANS_DEG).tolist()]
-        ways.sort(key=lambda way: -round(float(way @ look), 9))
-        found.append(next((way for way in ways if has_room(way, look, places)), look))
-    return found
+        asked.append((np.vstack([places, places + BESIDE_MM * look]), sorted(ways, key=lambda way: -round(float(way @ look), 9))))
+    found = ways_with_room(asked, clamping.held, ball, mesh, p.skin_mm) if asked else []
+    return [look if way is None else way for way, (look, _) in zip(found, clamping.dimples)]
 
 
 def _setup(clamping, k, j, names, turn, way, operations):

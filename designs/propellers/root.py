@@ -4,7 +4,6 @@ What does not fit is refused by name, with the station and the largest radius th
 """
 
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 from scipy.interpolate import BSpline
@@ -134,24 +133,29 @@ def fitting(blade, hub, law):
     found = obstacle(blade, hub, rolling)
     if found is None:
         return law
-    one = partial(law.scaled_at, law.nearest_station(float(rolling.u[found[1]])))
-    share, share_of_one = (_largest_share(blade, hub, way) for way in (law.scaled, one))
-    if not share and not share_of_one:
+    share, station, alone = _largest_shares(blade, hub, law, float(rolling.u[found[1]]))
+    if not share and not alone:
         rolled_round_root(blade, hub, law)      # refuses it in words
-    smaller = one(BELOW_LARGEST * share_of_one) if share_of_one >= ONE_SHARE * share else law.scaled(BELOW_LARGEST * share)
+    smaller = law.scaled_at(station, BELOW_LARGEST * alone) if alone >= ONE_SHARE * share else law.scaled(BELOW_LARGEST * share)
     hundredths = np.floor(100.0 * smaller.radius_mm) / 100.0
     return replace(law, radius_mm=np.where(smaller.radius_mm < law.radius_mm, hundredths, law.radius_mm))
 
 
+def _largest_shares(blade, hub, law, u):
+    """(share of all radii alike that fits; the station nearest to a loop angle; share of its radius alone that fits)."""
+    station = law.nearest_station(u)
+    return (_largest_share(blade, hub, law.scaled), station,
+            _largest_share(blade, hub, lambda share: law.scaled_at(station, share)))
+
+
 def _advice(blade, hub, law, asked, u):
     """The largest radius that fits: of all stations scaled alike, and of the nearest station alone where that helps."""
-    share = _largest_share(blade, hub, law.scaled)
+    share, station, alone = _largest_shares(blade, hub, law, u)
     if not share:
         return "no radius fits: the roots themselves do not"
-    told = f"the largest radius that fits there is {_floored(share * asked)} mm (all radii scaled alike)"
-    station = law.nearest_station(u)
-    alone = _floored(_largest_share(blade, hub, lambda s: law.scaled_at(station, s)) * float(law.radius_mm[station]))
-    return told + (f", or {alone} mm at {STATION_WORDS[station]} alone" if float(alone) > 0 else "")
+    alone = _floored(alone * float(law.radius_mm[station]))
+    return (f"the largest radius that fits there is {_floored(share * asked)} mm (all radii scaled alike)"
+            + (f", or {alone} mm at {STATION_WORDS[station]} alone" if float(alone) > 0 else ""))
 
 
 def _floored(radius_mm):

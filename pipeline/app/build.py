@@ -249,7 +249,7 @@ def _planned(order, say):
 
     Of copies that is asked only where one that is planned for itself comes after them.
     """
-    design, plans, cut = order.design, [], 0
+    design, plans, cut, library = order.design, [], 0, order.library.with_smaller(order.smaller)
     piece = Workpiece(blank=design.stock.shape)
     for setup in design.setups:
         if setup.planned_as is not None:
@@ -259,7 +259,7 @@ def _planned(order, say):
             say(f"{design.name}: stock after {plans[cut].setup.name}")
             piece, cut = _cut_by(order, piece, plans[cut]), cut + 1
         say(f"{design.name}: plan {setup.name}")
-        plans.append(plan_setup(design, setup, order.machine, order.library.with_smaller(order.smaller), piece, order.shop))
+        plans.append(plan_setup(design, setup, order.machine, library, piece, order.shop))
         _let_go(plans)
     idle = {plan.setup.name for plan in plans if not plan.operations and is_cut_by_others(plan, plans)}
     for name in sorted(idle):

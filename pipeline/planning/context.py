@@ -204,11 +204,12 @@ class PlanningContext:
 
     @property
     def with_smaller(self):
-        """[the same with smaller cutters beside those of the library]; []: there are none."""
-        if self.library.smaller is None:
+        """[the same with smaller flat and bull nose cutters beside those of the library]; []: there are none."""
+        smaller, sides = self.library.smaller, ("flat", "bull_nose")
+        if smaller is None or len(smaller.of_type(*sides)) == len(self.library.of_type(*sides)):
             return []
         mine = copy(self)
-        mine.library = self.library.smaller
+        mine.library = smaller
         return [mine]
 
     def _within_skin(self, library):

@@ -113,7 +113,7 @@ def pockets_made(work, made):
     """The same Featured with slots, then pockets, of upright walls, deepest last, by smaller cutters where the usual ones do not
     get in; what neither can do stays for others."""
     made = _pockets_made(work, made)
-    for one in work.with_smaller:
+    for one in work.with_smaller if made.left(work) else ():
         more = _pockets_made(one, made)
         made = more if more.operations != made.operations else made
     return made
@@ -149,7 +149,7 @@ def tried(work, made, operation, faces):
 
 def _slots_and_pockets(work, left):
     """([faces of a slot], [faces of a pocket]): upward ones, all of whose faces are among those that are left; highest first."""
-    features = features_of(work.faces)
+    features = work.once("features", lambda: features_of(work.faces))
     tops = [f for f in features if f.kind == "boss" and f.faces[0] in left and is_level(work.faces[f.faces[0]])]
     slots, pockets = [], []
     level = lambda f: float(work.faces[f.faces[0]].middle.point_mm[0, 2])

@@ -17,6 +17,7 @@ from cuspline.planning.cutter_choice import TOUCH_MM
 from cuspline.planning.tool_depth import CLEARANCES_MM, HOLDER_CLEARANCE_MM
 from cuspline.replay.clearance import ClearanceTree
 from cuspline.replay.machine_bodies import beside_the_spindle, round_the_spindle, together, turned_to, what_holds
+from cuspline.shop.cutters import ToolLibrary
 from cuspline.shop.kinematics import LINEARS
 from cuspline.shop.rotary_way import shortest_way
 from cuspline.surfaces.curvature import sample_faces
@@ -68,7 +69,7 @@ class Positions:
 
 
 def positions(solid, indices, library, *, ways=None, steepest_deg=60.0, standing_mm=0.0,
-              finely=(LOOKED_AT, MESH_DEFLECTION_MM, None)):
+              finely=(LOOKED_AT, None, None)):
     """Few positions that see most of some faces.
 
     Args:
@@ -77,8 +78,8 @@ def positions(solid, indices, library, *, ways=None, steepest_deg=60.0, standing
             spindle and tables are in the way; or a tuple of these, of clampings on one machine; None: `directions`.
         steepest_deg: between a place's normal and the direction, at the most.
         standing_mm: material that may still stand on the part, which holder and shank keep clear of.
-        finely: places of the faces that are looked at, at the most; how far the triangles that tools keep clear of may lie off
-            the part, mm; None or (places, steepest_deg) of a second look at what these positions leave: directions CLOSER_DEG apart
+        finely: places of the faces that are looked at, at the most; the mesh that tools keep clear of, None: MESH_DEFLECTION_MM
+            off the part; None or (places, steepest_deg) of a second look at what these positions leave: directions CLOSER_DEG apart
             are tried for it until none adds LEAST_LEFT_MM2; `ways` are of Held then.
     Returns:
         Positions; what is left is that of the last look.
@@ -90,8 +91,8 @@ def positions(solid, indices, library, *, ways=None, steepest_deg=60.0, standing
     balls = (library if held is None else library.in_spindle(round_the_spindle(held.machine))).of_type("ball")
     if not balls:
         raise CutterDoesNotFit("no position sees anything: the tool library has no ball; add one to the file of --cutters")
-    places, mesh_mm, closer = finely
-    meshed = brep.planning_mesh(solid, mesh_mm)
+    places, meshed, closer = finely
+    meshed = meshed or brep.planning_mesh(solid, MESH_DEFLECTION_MM)
     mesh = meshed.vertices_mm, meshed.triangles
     tree = ClearanceTree.of_triangles(*mesh)
     look = _Look.at(_some_samples(solid, indices, places), balls, mesh, tree, standing_mm)
@@ -168,6 +169,30 @@ class Held:
         """
         head = beside_the_spindle(self.machine, turned_rad, self.frame)
         return head and HeadRoom(way, together(standing), head, keep_mm)
+
+
+def ways_with_room(asked, held, ball, meshed, standing_mm):
+    """[(3,) or None]: of each question the first direction from which a ball comes to its places, tool and head clear.
+
+    Args:
+        asked: [((n, 3) middles of the ball, [(3,) unit directions])], part coordinates.
+        held: Held.   ball: Tool.   meshed: brep mesh of the part, see `brep.planning_mesh`.   standing_mm: that stands on it.
+    """
+    part = meshed.vertices_mm, meshed.triangles
+    tool, = ToolLibrary(tools=(ball,)).in_spindle(round_the_spindle(held.machine)).tools
+    search = AxisSearch.of_tool(ClearanceTree.of_triangles(*part), tool, keep_mm=CLEARANCES_MM + standing_mm)
+
+    def has_room(way, middles):
+        if not len(turnable(way[None], held.machine.kinematics, held.frame)):
+            return False
+        turned, tips = turned_to(held.machine, held.frame, way), middles - ball.cutter.radius_mm * way
+        holds = held.beside_at(turned)
+        beside = search.with_beside(holds and ClearanceTree.of_triangles(*holds), tool, CLEARANCES_MM)
+        standing = [part] if holds is None else [part, holds]
+        return (bool(beside.is_clear(middles, np.broadcast_to(way, middles.shape)).all())
+                and held.comes_to(way, turned, [(tips, ball.length_mm)], standing, standing_mm + HOLDER_CLEARANCE_MM))
+
+    return [next((way for way in ways if has_room(way, middles)), None) for middles, ways in asked]
 
 
 def directions(apart_deg=RING_DEG):

@@ -166,7 +166,7 @@ def _in_parameter_plane(part):
     q, f, x, r, b = turn(uv), turn(free), turn(xyz), turn(rim), turn(border)
     near1, near2 = np.where(f[:, 0], q[:, 1], q[:, 0]), np.where(f[:, 0], q[:, 2], q[:, 0])
     first, second = np.stack([near1, q[:, 1], q[:, 2]], axis=1), np.stack([near1, q[:, 2], near2], axis=1)
-    whole = ~is_point
+    whole = ~is_point           # of the new sides one lies within and one is the point: counted as border where the last is
     return (np.concatenate([uv[whole], first, second]), np.concatenate([xyz[whole], x, x[:, [0, 2, 0]]]),
             np.concatenate([rim[whole], r, r[:, [0, 2, 0]]]), np.concatenate([border[whole], b, np.column_stack([b[:, 2]] * 3)]))
 

@@ -11,7 +11,7 @@ from built_parts import ran
 from cuspline.app.catalogue import find_library, find_machine
 from cuspline.design import FixtureBox, Setup
 from cuspline.kernel import brep
-from cuspline.planning.positions import AS_IT_LIES, Held, directions, positions, turnable
+from cuspline.planning.positions import AS_IT_LIES, Held, directions, positions, turnable, ways_with_room
 from cuspline.replay.machine_bodies import beside_the_spindle, turned_to
 from cuspline.values.errors import CutterDoesNotFit
 from cuspline.values.frames import Frame
@@ -87,6 +87,19 @@ def test_the_table_that_holds_the_part_is_in_the_way_from_behind():
     assert seen_from(-1.0).positions == ()
 
 
+def test_of_directions_the_first_that_has_room_for_tool_head_and_table_is_taken():
+    """A ball on the cube's side: from below its holder would meet the cube, from behind the table is in the way; leaning it would meet a wall beside it."""
+    solid, ball = brep.the_solid(CUBE), LIBRARY.of_type("ball")[-1]
+    middles = np.array([[0.0, 0.0, SIDE_MM / 2 + ball.cutter.radius_mm]])
+    through, behind, leaning, square = ((0, 0, -1), (-1, 0, 0), (0.6, 0, 0.8), (0, 0, 1))
+    asked = [(middles, [np.array(way, float) for way in ways])
+             for ways in ((through, behind, leaning, square), (square,), (through,))]
+    first, only, none = ways_with_room(asked, ON_TABLE, ball, brep.planning_mesh(solid, 0.01), 0.0)
+    assert first.tolist() == list(leaning) and only.tolist() == list(square) and none is None
+    held = replace(ON_TABLE, fixtures=(FixtureBox(name="wall", min_mm=(40, -99, -99), max_mm=(300, 99, 100)),))
+    assert ways_with_room(asked[:1], held, ball, brep.planning_mesh(solid, 0.01), 0.0)[0].tolist() == list(square)
+
+
 def test_balls_and_the_tools_over_them_keep_a_millimetre_from_fixtures():
     """A stop beside the top, half a millimetre off the cube and 15 mm higher: a ball's middle comes no nearer than radius and 1."""
     stop = FixtureBox(name="stop", min_mm=(SIDE_MM / 2 + 0.5, -SIDE_MM, -SIDE_MM), max_mm=(60.0, SIDE_MM, SIDE_MM / 2 + 15.0))
@@ -106,7 +119,8 @@ def test_what_directions_leave_is_looked_at_more_closely():
     solid = brep.the_solid(roof)
     normal = np.array([0.5, 0.0, np.sqrt(0.75)])
     slope = next(k for k, f in enumerate(brep.faces_of(solid)) if f.middle.normal[0] @ normal > 0.999)
-    once, again = (positions(solid, [slope], LIBRARY, ways=ON_TABLE, steepest_deg=6.0, finely=(300, 0.01, closer))
+    meshed = brep.planning_mesh(solid, 0.01)
+    once, again = (positions(solid, [slope], LIBRARY, ways=ON_TABLE, steepest_deg=6.0, finely=(300, meshed, closer))
                    for closer in (None, (300, 6.0)))
     area = 40 * 40 / np.cos(np.radians(30))
     assert once.positions == () and once.left_mm2 == pytest.approx(area)
