@@ -88,7 +88,7 @@ def test_the_table_that_holds_the_part_is_in_the_way_from_behind():
 
 
 def test_of_directions_the_first_that_has_room_for_tool_head_and_table_is_taken():
-    """A ball on the cube's side: from below its holder would meet the cube, from behind the table is in the way; leaning it would meet a wall beside it."""
+    """A ball on a cube: from below the cube is in the way, from behind the table is, and a wall beside it where it leans."""
     solid, ball = brep.the_solid(CUBE), LIBRARY.of_type("ball")[-1]
     middles = np.array([[0.0, 0.0, SIDE_MM / 2 + ball.cutter.radius_mm]])
     through, behind, leaning, square = ((0, 0, -1), (-1, 0, 0), (0.6, 0, 0.8), (0, 0, 1))
