@@ -90,7 +90,7 @@ def test_a_stranger_s_table_is_laid_out_to_be_cut_with_default_settings(tmp_path
         "0.6,0.29,1.05,6,0,0.020,0.025\n0.8,0.27,1.03,12,0,0.012,0.022\n0.95,0.16,1.00,18,0,0.007,0.02\n"
         "1.0,0.02,1.0,20,0,0.004,0.0\n")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(cutting, "_ways", lambda design, p, balls, clampings: [FEW[:2]] * len(clampings))
+        patch.setattr(cutting, "_ways", lambda design, solid, mesh, p, balls, clampings: [FEW[:2]] * len(clampings))
         made = make_design(find_design("propeller"), [f"radii_csv={tmp_path / 'mine.csv'}", "blades=3", "blades_cut=all"])
     assert [s.name for s in made.setups] == [f"blade-{k}-{j}" for k in (1, 2, 3) for j in (1, 2)]
     assert made.machine == cutting.MACHINE
@@ -120,7 +120,7 @@ def test_a_blade_that_no_direction_sees_is_refused_with_what_would_help():
 
 def test_a_hub_that_reaches_the_table_is_refused():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(cutting, "_ways", lambda design, p, balls, clampings: [FEW[:2]] * len(clampings))
+        patch.setattr(cutting, "_ways", lambda design, solid, mesh, p, balls, clampings: [FEW[:2]] * len(clampings))
         with pytest.raises(DesignError, match="the hub begins 20.0 mm before the propeller's centre, .* enlarge arbor_mm"):
             make_design(find_design("dtmb_4119"), [*SMALL, "blades_cut=one", "arbor_mm=15"])
 
@@ -199,7 +199,7 @@ def test_a_skin_too_thin_for_dimples_is_refused():
 
 def test_a_blade_s_sector_of_the_hub_is_the_one_round_its_root():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(cutting, "_ways", lambda design, p, balls, clampings: [FEW[:2]] * len(clampings))
+        patch.setattr(cutting, "_ways", lambda design, solid, mesh, p, balls, clampings: [FEW[:2]] * len(clampings))
         made = make_design(find_design("dtmb_4119"), [*SMALL, "blades_cut=all", "hub_cut=true"])
         with pytest.raises(DesignError, match="hub_cut: the propeller is flipped, .* take sides=together"):
             make_design(find_design("dtmb_4119"), [*SMALL, "blades_cut=one", "hub_cut=true", "sides=flipped"])
