@@ -303,7 +303,7 @@ def _leaning(clamping, mesh, p, ball):
         places = np.array([at[name] for name in names])
         ways = [fixed.cos(lean) * fixed.matmul(about_x(turn), look) + fixed.sin(lean) * up
                 for turn in np.radians(TURNS_DEG).tolist() for lean in np.radians(LEANS_DEG).tolist()]
-        nearest_first = np.argsort(-fixed.matmul(np.array(ways), look).round(9), kind="stable")
+        nearest_first = np.argsort(-fixed.matmul(np.array(ways), look).round(9), kind="stable")     # as near: in the order tried
         asked.append((np.vstack([places, places + BESIDE_MM * look]), [ways[i] for i in nearest_first]))
     found = ways_with_room(asked, clamping.held, ball, mesh, p.skin_mm) if asked else []
     return [look if way is None else way for way, (look, _) in zip(found, clamping.dimples)]

@@ -1,5 +1,6 @@
 """How a propeller is laid out to be cut: every blade from the same directions, turned with it, none of them towards the table."""
 
+from contextlib import contextmanager
 from types import SimpleNamespace
 
 import numpy as np
@@ -30,6 +31,14 @@ def whole():
         patch.setattr(cutting, "CLOSER", (300, 60.0))
         patch.setattr(cutting, "LEFT_SHARE", 0.1)           # four directions leave more than a build may
         return make_design(find_design("dtmb_4119"), [*SMALL, "blades_cut=all"])
+
+
+@contextmanager
+def two_ways():
+    """No search for positions: every clamping takes the first two directions."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(cutting, "_ways", lambda *of, **_: [FEW[:2]] * len(of[-1]))
+        yield
 
 
 def test_blades_are_cut_from_directions_turned_with_them(whole):
@@ -89,8 +98,7 @@ def test_a_stranger_s_table_is_laid_out_to_be_cut_with_default_settings(tmp_path
         "r_R,c_D,P_D,skew_deg,rake_D,t0_D,f0_c\n0.2,0.20,1.00,0,0,0.040,0.02\n0.4,0.26,1.02,2,0,0.030,0.025\n"
         "0.6,0.29,1.05,6,0,0.020,0.025\n0.8,0.27,1.03,12,0,0.012,0.022\n0.95,0.16,1.00,18,0,0.007,0.02\n"
         "1.0,0.02,1.0,20,0,0.004,0.0\n")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(cutting, "_ways", lambda design, solid, mesh, p, balls, clampings: [FEW[:2]] * len(clampings))
+    with two_ways():
         made = make_design(find_design("propeller"), [f"radii_csv={tmp_path / 'mine.csv'}", "blades=3", "blades_cut=all"])
     assert [s.name for s in made.setups] == [f"blade-{k}-{j}" for k in (1, 2, 3) for j in (1, 2)]
     assert made.machine == cutting.MACHINE
@@ -119,8 +127,7 @@ def test_a_blade_that_no_direction_sees_is_refused_with_what_would_help():
 
 
 def test_a_hub_that_reaches_the_table_is_refused():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(cutting, "_ways", lambda design, solid, mesh, p, balls, clampings: [FEW[:2]] * len(clampings))
+    with two_ways():
         with pytest.raises(DesignError, match="the hub begins 20.0 mm before the propeller's centre, .* enlarge arbor_mm"):
             make_design(find_design("dtmb_4119"), [*SMALL, "blades_cut=one", "arbor_mm=15"])
 
@@ -198,8 +205,7 @@ def test_a_skin_too_thin_for_dimples_is_refused():
 
 
 def test_a_blade_s_sector_of_the_hub_is_the_one_round_its_root():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(cutting, "_ways", lambda design, solid, mesh, p, balls, clampings: [FEW[:2]] * len(clampings))
+    with two_ways():
         made = make_design(find_design("dtmb_4119"), [*SMALL, "blades_cut=all", "hub_cut=true"])
         with pytest.raises(DesignError, match="hub_cut: the propeller is flipped, .* take sides=together"):
             make_design(find_design("dtmb_4119"), [*SMALL, "blades_cut=one", "hub_cut=true", "sides=flipped"])
