@@ -1,8 +1,9 @@
 """Cells of a face, moved out by a height, proven to lie in what was cut, or halved: see excess_proof.py.
 
 A piece of path sweeps a convex volume; of an arc that bulges upward its tangent is taken, which sweeps less; for a level
-one stands a line beside it, and how far it may be off is added.  So does a sub-step of any convex cutter whose axis keeps its
-direction (stock/outlines.py); both kinds come in one world (stock/rays.py).
+one stands a line beside it, and what it may be off, sideways only, is taken from the cutter's flat radius.  A sub-step
+of any convex cutter whose axis keeps its direction sweeps a convex volume too (stock/outlines.py); both kinds come in one
+world (stock/rays.py).
 Signed distance to a convex volume is convex: over a parallelogram it is largest in a corner, and so is every weighted
 mean of several such distances.  What a cutter sweeps whose axis turns is convex but for a little, which is added in
 the corners (`_bulge`).  A mean that is nowhere positive has no point outside all of the volumes:
@@ -48,7 +49,7 @@ DEEPEST = 48              # halvings
 JUNG = 0.62               # of a set's width, that its points stray from their mean at most (sqrt(3/8))
 STEEP = 0.05              # an arc whose tangent is steeper than 1 in this is taken for the one place that is nearest
 GEOMETRY = 0              # of `world`, and of a forest in it: rows of the pieces
-MORE = 12                 # of a line that stands for a piece, behind its own numbers: how far the piece may be beyond it, mm
+MORE = 12                 # of a line that stands for a piece, behind its own numbers: how far sideways the piece may be off, mm
 
 
 @njit
@@ -98,7 +99,7 @@ def _convex_distance(x, y, z, piece, line, tool, world, search):
     """Convex distance to a piece: of the `line` that stands for it, or of the sub-step that it is."""
     behind = len(world[GEOMETRY])
     if piece < behind:
-        return piece_distance(x, y, z, line, tool[FLAT_RADIUS], tool[CORNER_RADIUS]) + line[MORE]
+        return piece_distance(x, y, z, line, tool[FLAT_RADIUS] - line[MORE], tool[CORNER_RADIUS])
     return one_distance(x, y, z, piece - behind, world[UPRIGHT_ARRAYS:], math.inf, search[2])[0]
 
 
