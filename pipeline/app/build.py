@@ -162,13 +162,13 @@ def _made(order, work, say):
             if not order.spare:
                 raise
         _leave_only(work, there)
-        say(f"{design.name}: the cutters do not get to all faces; planned again with smaller ones beside them")
+        say(f"{design.name}: the cutters do not get everywhere; planned again with smaller ones beside them")
         order = replace(order, library=order.smaller, spare=order.spare[1:])
         inputs = inputs_hash(order, step)
 
 
 class _FaceLeft(Exception):
-    """Most of a face that a setup names is not cut, and there are spare cutters."""
+    """Most of a face that a setup names is not cut, or a gap, and there are spare cutters."""
 
 
 def _programmed(order, work, inputs, shape, off, say):

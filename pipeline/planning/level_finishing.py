@@ -225,7 +225,7 @@ def floors(work, tool, candidates, stock):
         if field is None:
             continue
         tip_z = height + operation.allowance_mm
-        paths = _side_by_side(field, step, tolerance) + _along_walls(field, tip_z, tolerance)
+        paths = _held_up(_side_by_side(field, step, tolerance), tip_z, tolerance) + _along_walls(field, tip_z, tolerance)
         if paths:
             rules = replace(link_rules(work, tool, field, tolerance, step, feed, left), heights=stock, least_z_mm=tip_z)
             made.append(moves_of_tip_paths(paths, rules))
@@ -339,6 +339,13 @@ def _side_by_side(field, step_mm, tolerance_mm):
             if again := next((some for some in tried if some and not _hops(some)), ()):
                 paths = [p for p in paths if p.curve != k] + [replace(p, curve=k) for p in again]
     return sorted(paths, key=lambda p: p.curve)
+
+
+def _held_up(paths, tip_z_mm, tolerance_mm):
+    """The same TipPaths over gaps hardly wider than the cutter, into which they would sink: a floor there has its own passes."""
+    raised = [np.maximum(p.tips_mm, (-np.inf, -np.inf, tip_z_mm)) for p in paths]
+    return [p if (tips == p.tips_mm).all() else replace(p, tips_mm=_straightened(tips, tolerance_mm))
+            for p, tips in zip(paths, raised)]
 
 
 def _hops(paths):

@@ -1,12 +1,15 @@
-"""Faces that a setup names and most of which is not cut: no cutter of the shop gets there."""
+"""Faces that a setup names and most of which is not cut, and gaps beside what is: no cutter of the program gets there."""
 
 import numpy as np
+from scipy.spatial import cKDTree
 
-from cuspline.verification.reach import DRILLED_MM
+from cuspline.verification.reach import DRILLED_MM, TOO_NARROW
 from cuspline.verification.reporter import MISSED, MISSED_MM2, allowed_mm
 from cuspline.verification.residuals import LIMIT_MM
 
 ROUND, OTHER = 0.95, 0.5    # most of a face's area: of fillets and hollows, and of others
+GAP_RADII = 1.5             # of the smallest ball, from what came out in size: farther than its foot beside a wall or a corner
+UPWARD = 0.99               # of a unit normal along the axis: a floor
 LEVEL = 0.5                 # cosine between a face's normal and the axis: below it the face is a wall
 
 
@@ -50,3 +53,23 @@ def faces_not_cut(found, faces, ball_radius_mm, finish, left_mm, axis, distance_
         left = off[high >= stands]
         missed[left] = samples.weight_mm2[left].sum() >= least
     return found.groups(missed)
+
+
+def has_gaps(found, faces, ball_radius_mm, finish, axis):
+    """Whether somewhere on a floor, of which most may be cut, a gap is left for which every cutter was too wide.
+
+    Args:
+        as for `faces_not_cut`.
+    """
+    samples, high = found.samples, found.deviation_mm > MISSED * allowed_mm(finish)
+    is_left, is_cut = high & (found.reach == TOO_NARROW) & ~found.is_top, ~high & found.is_reachable
+    for k, face in enumerate(faces):
+        if face.kind != "plane" or float((face.middle.normal[0] * axis).sum()) < UPWARD:
+            continue
+        left, cut = (np.flatnonzero((samples.face == k) & rows) for rows in (is_left, is_cut))
+        if samples.weight_mm2[left].sum() < MISSED_MM2 or not len(cut):
+            continue
+        away = cKDTree(samples.points_mm[cut]).query(samples.points_mm[left])[0]
+        if samples.weight_mm2[left[away > GAP_RADII * ball_radius_mm]].sum() >= MISSED_MM2:
+            return True
+    return False

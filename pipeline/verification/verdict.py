@@ -30,7 +30,7 @@ from cuspline.verification.certificate import Certificate, certify, solid_in_wcs
 from cuspline.verification.climbing import Ground
 from cuspline.verification.cusps import Cusps, SampledStock, measured_cusps
 from cuspline.verification.excess_proof import ExcessProof, is_bare, prove_excess
-from cuspline.verification.faces_not_cut import faces_not_cut, point_left_mm
+from cuspline.verification.faces_not_cut import faces_not_cut, has_gaps, point_left_mm
 from cuspline.verification.in_process import PART
 from cuspline.verification.process_findings import process_of
 from cuspline.verification.reach import DOWNWARD, REACHABLE, drop_mesh, upper
@@ -254,10 +254,10 @@ class FirstLook:
 
     @property
     def leaves_faces(self):
-        """Whether most of a face that a setup names, and that looks up at its tools, is not cut."""
-        left = (found.reach[group] for c, (found, _) in zip(self.clampings, self.residuals)
-                for group in _not_cut(self.part, c, found, self.judging.tools))
-        return any((reach != DOWNWARD).any() for reach in left)
+        """Whether most of a face that a setup names, and that looks up at its tools, is not cut, or a gap beside what is."""
+        found = [(c, after_all) for c, (after_all, _) in zip(self.clampings, self.residuals)]
+        left = (after_all.reach[group] for c, after_all in found for group in _not_cut(self.part, c, after_all, self.judging.tools))
+        return any((reach != DOWNWARD).any() for reach in left) or any(_has_gaps(self.part, c, after_all) for c, after_all in found)
 
     def gouges_mm(self, limit_mm):
         """Deepest gouge of every program, [mm]: what its samples show; where that is beyond a limit, along the nearest way of some.
@@ -541,6 +541,12 @@ def _not_cut(part, c, found, tools):
     return faces_not_cut(found, [faces[i] for i in c.required], part.ball_radius_mm, part.finish,
                          {k: left[i] for k, i in enumerate(c.required) if i in left}, c.program.setup.frame.rotation[:, 2],
                          part.piece.cut_distance_mm)
+
+
+def _has_gaps(part, c, found):
+    """See faces_not_cut.has_gaps, of clamping c's faces."""
+    faces = _looked_at(part.solid).faces
+    return has_gaps(found, [faces[i] for i in c.required], part.ball_radius_mm, part.finish, c.program.setup.frame.rotation[:, 2])
 
 
 def _idle(part, c, own, history, tools):

@@ -296,3 +296,19 @@ def test_a_gap_in_which_no_level_has_room_is_entered_layer_by_layer():
     limit = rest.tool.cutter.deepest_slot_mm
     assert above and [o.name for o in above] == [f"{rest.name} {mm:.1f} mm above" for mm in lifts]
     assert (-np.diff([2.1, *lifts, 0.0]) <= limit + 1e-3).all() and (rest.tool.cutter.diameter_mm, limit) == (2.0, 1.0)
+
+
+def test_a_gap_beside_wide_floors_is_entered_layer_by_layer():
+    """Between the legs of a raised U: 2.6 mm wide, half a hundredth of the level ground, no room for a flat cutter of 3 mm."""
+    plate = cq.Workplane("XY").box(44, 30, 8).translate((0, 0, -4))
+    letter = cq.Workplane("XY").box(6.6, 8, 1.6, centered=(True, True, False)).cut(
+        cq.Workplane("XY").box(2.6, 7, 4).translate((0, 0.5, 0)))
+    upper = FacePredicate(name="upper", at_least=2, normal=(0, 0, 1), normal_within_deg=91, center_min_mm=(-21.9, -14.9, -7),
+                          center_max_mm=(21.9, 14.9, 2))
+    stock = StockBox(min_mm=(-22, -15, -8), max_mm=(22, 15, 2))
+    design = part(plate.union(letter), upper, stock, Auto(), finish=FINER)
+    made = plan_setup(design, design.setups[0], MACHINE, catalogue.find_library("small_balls")).operations
+    rest = next(o for o in made if o.name == "rest finish")
+    above = [o for o in made if o.name.startswith("rest finish ") and o.name.endswith(" above")]
+    lifts, limit = [1.6, *(o.facts["lifted_mm"] for o in above), 0.0], rest.tool.cutter.deepest_slot_mm
+    assert above and made.index(above[-1]) == made.index(rest) - 1 and (-np.diff(lifts) <= limit + 1e-3).all()

@@ -6,6 +6,7 @@ from typing import Literal
 
 import numpy as np
 from pydantic import Field
+from scipy.spatial import cKDTree
 
 from cuspline.design.operations import Clearing, Finishing
 from cuspline.planning import chamfering, freeform_finishing, level_finishing, roughing, section_finishing
@@ -28,6 +29,7 @@ SEMI, FINISHES = "semi-finish", ("semi-finish", "finish")     # names of the bal
 HELIX_SHARE = 0.6           # of the tightest wall's radius: a cutter so small has room for its helix
 GIVEN_UP_SHARE = 0.01       # of what a cutter clears: so much it may leave for lack of room
 CORNER_SHARE = 0.01         # of the area: what samples may miss beside walls that a flat cutter does reach
+GAP_MM, GAP_MM2 = 0.5, 1.0  # farther from all that it reaches, over so much: a corner or a gap, however large the floor
 WIDEST_CHAMFER_MM = 4.0     # high: larger strips are faces
 FLUSH_MM = 1e-4             # under the stock's top: a level face that far down needs no cut
 SWEPT = 1e-6                # of a unit normal along the way on which a face is swept
@@ -351,14 +353,22 @@ def _lean_alone(work):
 
 def _corners(work, floor, planned):
     """The smallest ball where the flat cutter leaves too much of the level faces, and what that must clear before; [] nowhere."""
-    left = ~floor.is_reached & np.isin(work.samples.face, floor.levels)
-    if work.samples.area_mm2[left].sum() <= CORNER_SHARE * work.samples.area_mm2.sum():
+    area, is_level = work.samples.area_mm2, np.isin(work.samples.face, floor.levels)
+    left, reached = is_level & ~floor.is_reached, is_level & floor.is_reached
+    if not left.any():
+        return []
+    away = cKDTree(work.samples.point_mm[reached]).query(work.samples.point_mm[left])[0]
+    if area[left].sum() <= CORNER_SHARE * area.sum() and area[left][away > GAP_MM].sum() < GAP_MM2:
         return []
     mine = work.on(work.operation, floor.levels, planned)
-    chain, candidates, rows = choose_finishing(work.finishing_library, mine.samples, work.mesh, work.practice.rough_allowance_mm,
-                                               work.finishing_work())
-    made = freeform_finishing.rest(mine, planned, chain[-1].tool, candidates)
-    return [*roughing.before_passes(mine, chain[-1].tool, rows), made] if made is not None else []
+    chain, candidates, _ = choose_finishing(work.finishing_library, mine.samples, work.mesh, work.practice.rough_allowance_mm,
+                                            work.finishing_work())
+    ball, there = chain[-1].tool, left[is_level]
+    made = freeform_finishing.rest(mine, planned, ball, candidates)
+    if made is None:
+        return []
+    before = roughing.before_passes(mine, ball, there)
+    return [*before, *roughing.over_slots(work.on(work.operation, floor.levels, [*planned, *before]), made, there)]
 
 
 def _by_flat_cutter(work, floor):

@@ -230,7 +230,9 @@ def test_a_ramp_runs_to_and_fro_over_its_path():
     tips = ramp(path, 1.0, 0.04)                                           # 25 long: three whole folds and 4 more
     assert tips[-1] == pytest.approx(path[0]) and tips[0] == pytest.approx((3, 0, 2.0))
     way = np.linalg.norm(np.diff(tips[:, :2], axis=0), axis=1)
-    assert way.sum() == pytest.approx(25.0) and ramp(path, 1.0, 0.001) is None
+    assert way.sum() == pytest.approx(25.0) and ramp(path, 1.0, 0.0001) is None
+    short = ramp(np.array([(0.0, 0, 1), (0.05, 0, 1)]), 0.44, 0.158)       # a twentieth of a millimetre long
+    assert len(short) > 55 and (-np.diff(short[:, 2]) <= 0.158 * 0.05 + 1e-12).all() and short[0, 2] == pytest.approx(1.44)
     on_path = np.where(tips[:, 0] < 3 - 1e-9, 1.0, 1.0 + tips[:, 1] / 4)
     assert tips[:, 2] - on_path == pytest.approx(0.04 * (25.0 - np.concatenate([[0], np.cumsum(way)])))
 
