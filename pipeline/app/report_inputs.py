@@ -102,9 +102,11 @@ def _view_deviation(judged, view, indices):
     """
     deviation = np.full(len(view.vertices_mm), np.nan)
     rows = np.flatnonzero(np.isin(view.face_index, indices))
-    points = np.vstack([s.residuals.samples.points_mm for s in judged.verdict.setups])
-    found = np.concatenate([s.residuals.deviation_mm for s in judged.verdict.setups])
-    tree = cKDTree(points)
+    looked = [s.residuals for s in judged.verdict.setups]
+    points, found, weight, is_reachable = (np.concatenate(of) for of in zip(*(
+        (r.samples.points_mm, r.deviation_mm, r.samples.weight_mm2, r.is_reachable) for r in looked)))
+    counts = is_reachable | (weight > 0.0)      # along a wall's normal, from its very foot, a film on the floor looks like a wall
+    tree, found = cKDTree(points[counts]), found[counts]
     for some in np.array_split(rows, len(rows) // VERTICES + 1):            # samples near all of them at once are gigabytes
         deviation[some] = _worst_near(tree, found, view.vertices_mm[some])
     return deviation

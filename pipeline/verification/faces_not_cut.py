@@ -8,7 +8,7 @@ from cuspline.verification.reporter import MISSED, MISSED_MM2, allowed_mm
 from cuspline.verification.residuals import LIMIT_MM
 
 ROUND, OTHER = 0.95, 0.5    # most of a face's area: of fillets and hollows, and of others
-GAP_RADII = 1.5             # of the smallest ball, from what came out in size: farther than its foot beside a wall or a corner
+GAP_RADII = 1.5             # of the smallest ball, from where it has room: farther than its foot beside a wall or a corner
 UPWARD = 0.99               # of a unit normal along the axis: a floor
 LEVEL = 0.5                 # cosine between a face's normal and the axis: below it the face is a wall
 
@@ -62,14 +62,14 @@ def has_gaps(found, faces, ball_radius_mm, finish, axis):
         as for `faces_not_cut`.
     """
     samples, high = found.samples, found.deviation_mm > MISSED * allowed_mm(finish)
-    is_left, is_cut = high & (found.reach == TOO_NARROW) & ~found.is_top, ~high & found.is_reachable
+    is_left = high & (found.reach == TOO_NARROW) & ~found.is_top
     for k, face in enumerate(faces):
         if face.kind != "plane" or float((face.middle.normal[0] * axis).sum()) < UPWARD:
             continue
-        left, cut = (np.flatnonzero((samples.face == k) & rows) for rows in (is_left, is_cut))
-        if samples.weight_mm2[left].sum() < MISSED_MM2 or not len(cut):
+        left, near = (np.flatnonzero((samples.face == k) & rows) for rows in (is_left, found.is_reachable))
+        if samples.weight_mm2[left].sum() < MISSED_MM2 or not len(near):
             continue
-        away = cKDTree(samples.points_mm[cut]).query(samples.points_mm[left])[0]
+        away = cKDTree(samples.points_mm[near]).query(samples.points_mm[left])[0]
         if samples.weight_mm2[left[away > GAP_RADII * ball_radius_mm]].sum() >= MISSED_MM2:
             return True
     return False

@@ -8,7 +8,7 @@ from known_programs import program, rapid, raster, tool
 from cuspline.design import Finish, Setup, StockBox
 from cuspline.kernel import brep
 from cuspline.surfaces.holes import holes_of
-from cuspline.verification.faces_not_cut import point_left_mm
+from cuspline.verification.faces_not_cut import has_gaps, point_left_mm
 from cuspline.verification.verdict import Options, verify_setup
 
 FINISH = Finish(scallop_mm=0.010, profile_tolerance_mm=0.002, gouge_mm=0.003)
@@ -91,3 +91,14 @@ def test_a_flat_bottom_may_keep_the_point_of_the_drill_that_made_its_hole():
     assert left == pytest.approx(3.0 / np.tan(np.radians(70)))
     assert faces[bottom].middle.point_mm[0] == pytest.approx((5, 8, 5), abs=0.1) and faces[bottom].kind == "plane"
     assert point_left_mm(holes_of(faces), []) == {}
+
+
+@pytest.mark.parametrize("width, is_gap", [(2.0, True), (6.8, False), (0.0, False)])
+def test_a_gap_in_a_step_is_known_from_a_foot_beside_what_was_not_cut(width, is_gap):
+    """A floor that is cut in front of a step, into which a gap runs 8 mm deep: balls of 3 mm have room in it or not."""
+    before = BLOCK.cut(cq.Workplane("XY", origin=(0, 0, 7)).box(20, 6, 9, centered=False))
+    part = before.cut(cq.Workplane("XY", origin=(10 - width / 2, 5, 7)).box(width, 9, 9, centered=False)) if width else before
+    floor = lambda n, p: n[2] > 0.5 and p[2] < 7.5
+    found = verdict(part, floor, radius=BALL_MM, ys=np.arange(-0.3, 2.8, 0.3), z=7.0).residuals
+    faces = [f for f in brep.faces_of(brep.the_solid(part)) if floor(f.middle.normal[0], f.middle.point_mm[0])]
+    assert len(faces) == 1 and has_gaps(found, faces, BALL_MM, FINISH, np.array([0, 0, 1.0])) is is_gap
