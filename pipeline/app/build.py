@@ -46,7 +46,7 @@ from cuspline.stock.swept import swept_paths
 from cuspline.stock.workpiece import Workpiece
 from cuspline.values.amounts import counted
 from cuspline.values.checkpoints import kept_beside
-from cuspline.values.errors import CutterDoesNotFit, InputError, PostError
+from cuspline.values.errors import CamError, CutterDoesNotFit, InputError, PostError
 from cuspline.values.findings import Finding
 from cuspline.values.input_files import sha256_of
 from cuspline.values.interruption import held_off
@@ -74,6 +74,7 @@ class Order:
     library: object
     spare: tuple[str, ...] = ()     # names of libraries with smaller cutters: taken in turn where the one before leaves a face; of
                                     # the first alone the slots and pockets into which the library's do not get
+    leaves_gaps: bool = False       # gaps beside what is cut stay: with smaller cutters something is wrong
     shop: ShopFile = ShopFile()     # what the shop decides
     accepted: tuple[str, ...]
     out: Path
@@ -154,21 +155,35 @@ def _made(order, work, say):
     if not design.setups:
         return _measured(order, work, inputs, shape, say)
     off, _ = _measured_solid(order, work, say)
+    with_gaps = None            # the order before smaller cutters were taken for a gap alone
     while True:
-        there = set(work.iterdir())
+        there, smaller = set(work.iterdir()), ()
         try:
-            return _programmed(order, work, inputs, shape, off, say)
-        except (CutterDoesNotFit, _FaceLeft):
-            if not order.spare:
+            result = _programmed(order, work, inputs, shape, off, say)
+            if result.is_ok or with_gaps is None:
+                return result
+        except (CamError, _FaceLeft) as left:
+            smaller = order.spare if isinstance(left, (CutterDoesNotFit, _FaceLeft)) else ()
+            if not smaller and with_gaps is None:
                 raise
+            if isinstance(left, _GapLeft):
+                with_gaps = with_gaps or replace(order, leaves_gaps=True)
         _leave_only(work, there)
-        say(f"{design.name}: the cutters do not get everywhere; planned again with smaller ones beside them")
-        order = replace(order, library=order.smaller, spare=order.spare[1:])
+        if smaller:
+            say(f"{design.name}: the cutters do not get everywhere; planned again with smaller ones beside them")
+            order = replace(order, library=order.smaller, spare=smaller[1:])
+        else:
+            say(f"{design.name}: smaller cutters do not get into its gaps either; planned again without them, the gaps listed")
+            order, with_gaps = with_gaps, None
         inputs = inputs_hash(order, step)
 
 
 class _FaceLeft(Exception):
-    """Most of a face that a setup names is not cut, or a gap, and there are spare cutters."""
+    """Most of a face that a setup names is not cut, and there are spare cutters."""
+
+
+class _GapLeft(_FaceLeft):
+    """A gap beside what is cut is not."""
 
 
 def _programmed(order, work, inputs, shape, off, say):
@@ -350,8 +365,11 @@ class _Trial:
         job, first, finish = self.posted(own), None, self.order.design.finish
         for number in range(1, mending.OWN_ROUNDS + 1 if any(p.is_mended for p in own) else 1):
             first = self.begun(job)
-            if number == 1 and self.order.spare and "face_not_cut" not in self.order.accepted and first.first.leaves_faces:
-                raise _FaceLeft
+            if number == 1 and self.order.spare and "face_not_cut" not in self.order.accepted:
+                if first.first.leaves_faces:
+                    raise _FaceLeft
+                if not self.order.leaves_gaps and first.first.leaves_gaps:
+                    raise _GapLeft
             share = 1.0 - mending.MARGIN
             deep = first.first.gouges_mm(share * finish.gouge_mm)
             wants = [mending.wants_of(found, finish, mm, share) for (found, _), mm in zip(first.first.residuals, deep)]

@@ -254,10 +254,15 @@ class FirstLook:
 
     @property
     def leaves_faces(self):
-        """Whether most of a face that a setup names, and that looks up at its tools, is not cut, or a gap beside what is."""
-        found = [(c, after_all) for c, (after_all, _) in zip(self.clampings, self.residuals)]
-        left = (after_all.reach[group] for c, after_all in found for group in _not_cut(self.part, c, after_all, self.judging.tools))
-        return any((reach != DOWNWARD).any() for reach in left) or any(_has_gaps(self.part, c, after_all) for c, after_all in found)
+        """Whether most of a face that a setup names, and that looks up at its tools, is not cut."""
+        left = (found.reach[group] for c, (found, _) in zip(self.clampings, self.residuals)
+                for group in _not_cut(self.part, c, found, self.judging.tools))
+        return any((reach != DOWNWARD).any() for reach in left)
+
+    @property
+    def leaves_gaps(self):
+        """Whether a gap in a floor, most of which is cut, is too narrow for the cutters."""
+        return any(_has_gaps(self.part, c, found) for c, (found, _) in zip(self.clampings, self.residuals))
 
     def gouges_mm(self, limit_mm):
         """Deepest gouge of every program, [mm]: what its samples show; where that is beyond a limit, along the nearest way of some.

@@ -1,11 +1,13 @@
 """What the report's path is coloured by; what the setup sheet says of markers and rotary axes."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from known_programs import feed, program, rapid
 
 from cuspline.app.catalogue import find_machine
-from cuspline.app.report_inputs import _elsewhere, _rotaries, met_on_moves
+from cuspline.app.report_inputs import _elsewhere, _rotaries, _view_deviation, met_on_moves
 from cuspline.design import Marker, Setup
 
 
@@ -25,6 +27,18 @@ def test_a_move_takes_the_most_of_its_own_places_else_those_of_the_nearest_of_it
         away = min(abs(j - k) for j in mine)
         assert found[k] in [depth[rows == j].max() for j in mine if abs(j - k) == away]
     assert met_on_moves(posted, {}) == {}
+
+
+def test_the_view_takes_the_worst_nearby_but_of_what_weighs_nothing_and_nothing_reaches():
+    """Along a wall's normal the very foot of it, beside a film on the floor, stands 2 mm out; what a cutter left does count."""
+    samples = SimpleNamespace(points_mm=np.array([(0, 0, 0), (0.5, 0, 0), (5, 0, 0), (5.5, 0, 0), (20, 0, 0.0)]),
+                              weight_mm2=np.array([0, 0.2, 0.2, 0, 0.0]))
+    looked = SimpleNamespace(samples=samples, deviation_mm=np.array([2.0, 0.005, -0.004, 0.003, 1.0]),
+                             is_reachable=np.array([False, True, False, True, False]))
+    judged = SimpleNamespace(verdict=SimpleNamespace(setups=[SimpleNamespace(residuals=looked)]))
+    view = SimpleNamespace(vertices_mm=np.array([(0.1, 0, 0), (5.2, 0, 0), (20, 0, 0), (0.1, 0, 0.0)]),
+                           face_index=np.array([3, 3, 3, 4]))
+    np.testing.assert_array_equal(_view_deviation(judged, view, [3]), [0.005, -0.004, np.nan, np.nan])
 
 
 def turned_over(name, z, **changes):

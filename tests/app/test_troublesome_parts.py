@@ -7,12 +7,14 @@ import cadquery as cq
 import pytest
 from troublesome_parts import FINISH, PARTS, design_of, two_sided
 
+from cuspline.app import build as build_stages
 from cuspline.app import catalogue
 from cuspline.app.build import Order, build
+from cuspline.app.outcome import Result
 from cuspline.app.request import Request
 from cuspline.design import Design, FacePredicate, Finish, Parameters, Setup, StockBox
 from cuspline.kernel import brep
-from cuspline.values.errors import CutterDoesNotFit, DesignError
+from cuspline.values.errors import CutterDoesNotFit, DesignError, PlanError
 
 STRATEGIES = {"knife_edge": "parallel", "pole_and_apex": "constant_scallop", "closed_face": "boundary",
               "slivers": "parallel", "hole_and_islands": "constant_scallop"}
@@ -65,6 +67,31 @@ def test_where_no_cutters_are_named_smaller_ones_than_the_usual_are_taken_for_a_
     assert sum("planned again with smaller ones" in line for line in told) == 2
     with pytest.raises(CutterDoesNotFit, match="narrower than the smallest, radius 2.000 mm"):
         Request(design=design, stage="plan", cutters="tools", out=tmp_path / "groove").built()
+
+
+@pytest.mark.parametrize("is_refused", [True, False])
+def test_smaller_cutters_that_were_taken_for_a_gap_alone_are_given_up_where_something_is_wrong_with_them(
+        is_refused, tmp_path, monkeypatch):
+    """The stages are stood in for: what is tried one after the other, each time after the files of the time before are gone."""
+    tried, told = [], []
+
+    def programmed(order, work, *_):
+        assert not (work / "plan.json").exists()
+        (work / "plan.json").write_text("{}")
+        tried.append(order)
+        if order.spare and not order.leaves_gaps:
+            raise build_stages._GapLeft
+        if is_refused and not order.leaves_gaps:
+            raise PlanError("the smallest breaks")
+        return Result(folder=work, is_ok=order.leaves_gaps, findings=())
+
+    monkeypatch.setattr(build_stages, "_programmed", programmed)
+    _, result = Request(design=two_sided(), stage="plan", out=tmp_path / "part").built(told.append)
+    usual, *_, smallest, again = tried
+    assert len(tried) == 4 and result.is_ok and usual.spare and not smallest.spare and not usual.leaves_gaps
+    assert (again.library, again.spare, again.leaves_gaps) == (usual.library, usual.spare, True)
+    assert [line.split("planned again ")[1].split(",")[0] for line in told if "planned again" in line] == [
+        "with smaller ones beside them"] * 2 + ["without them"]
 
 
 def test_several_solids_and_an_open_shell_are_refused_by_name():
