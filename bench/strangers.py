@@ -23,7 +23,8 @@ PARTS = ("bracket", "housing", "manifold", "oring_cover", "hub", "two_sides", "s
          "valve_cover", "motor_mount", "electrode", "keyboard", "gear", "heat_sink", "bearing_block", "camera_mount", "inch_plate",
          "cf40", "trunnion_valve", "fillet_lid", "wing_rib", "hull_half", "fan_disc", "ribbed_cavity",
          "sensor_plate", "knuckle", "duct")
-PLATES = ("gland_flange", "phone_holder", "bearing_seat", "mould_core", "optic_mount", "stamp", "ring_wheel", "saddle_block")
+PLATES = ("gland_flange", "phone_holder", "bearing_seat", "mould_core", "optic_mount", "stamp", "nameplate", "raised_u",
+          "ring_wheel", "saddle_block")
 LABS = ("pole_tip", "waveguide", "half_cell", "rudder", "bulb", "bottle_mould", "lens_insert", "chevron", "watch_bridge",
         "big_plate")
 FAMILIES = {**dict.fromkeys(PLATES, "plates.py"), **dict.fromkeys(LABS, "labs.py")}       # files of many parts

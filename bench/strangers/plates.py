@@ -1,4 +1,4 @@
-"""Eight parts cut from above with the usual cutters and no operation listed: `cuspline build plates.py -p part=gland_flange`."""
+"""Ten parts cut from above with the usual cutters and no operation listed: `cuspline build plates.py -p part=gland_flange`."""
 
 from typing import Literal
 
@@ -11,8 +11,8 @@ IN_MM = 0.01        # inside the part's box: its own sides are sawn
 
 
 class Plates(Parameters):
-    part: Literal["gland_flange", "phone_holder", "bearing_seat", "mould_core", "optic_mount", "stamp", "ring_wheel",
-                  "saddle_block"] = Field(default="gland_flange", description="which of the eight")
+    part: Literal["gland_flange", "phone_holder", "bearing_seat", "mould_core", "optic_mount", "stamp", "nameplate", "raised_u",
+                  "ring_wheel", "saddle_block"] = Field(default="gland_flange", description="which of them")
 
 
 def gland_flange():
@@ -50,6 +50,15 @@ def optic_mount():
 
 def stamp():
     return cq.Workplane().box(44, 16, 8).translate((0, 0, -4)).union(cq.Workplane().text("CUSP", 11, 1.2, kind="bold"))
+
+
+def nameplate():
+    return cq.Workplane().box(120, 50, 8).translate((0, 0, -4)).union(cq.Workplane().text("PUMP 3", 16, 1.5, kind="bold"))
+
+
+def raised_u():
+    legs = cq.Workplane().box(6.6, 8, 1.6, centered=(True, True, False)).cut(cq.Workplane().box(2.6, 7, 4).translate((0, 0.5, 0)))
+    return cq.Workplane().box(44, 30, 8).translate((0, 0, -4)).union(legs)
 
 
 def ring_wheel():
