@@ -312,3 +312,18 @@ def test_a_gap_beside_wide_floors_is_entered_layer_by_layer():
     above = [o for o in made if o.name.startswith("rest finish ") and o.name.endswith(" above")]
     lifts, limit = [1.6, *(o.facts["lifted_mm"] for o in above), 0.0], rest.tool.cutter.deepest_slot_mm
     assert above and made.index(above[-1]) == made.index(rest) - 1 and (-np.diff(lifts) <= limit + 1e-3).all()
+
+
+def test_passes_over_tops_do_not_sink_into_a_gap_hardly_wider_than_the_cutter():
+    """Two blocks 10.2 mm apart, their tops finished by a flat cutter of 10 mm in passes across: nothing has cleared the gap."""
+    block = lambda x: cq.Workplane("XY").box(12, 16, 5, centered=(True, True, False)).translate((x, 0, 0))
+    solid = cq.Workplane("XY").box(40, 20, 8).translate((0, 0, -4)).union(block(-11.1)).union(block(11.1))
+    tops = FacePredicate(name="tops", count=2, kinds=("plane",), normal=(0, 0, 1), center_min_mm=(-20, -10, 4.9),
+                         center_max_mm=(20, 10, 5.1))
+    design = part(solid, tops, StockBox(min_mm=(-20, -10, -8), max_mm=(20, 10, 5.5)), Floor(tool="flat 10"))
+    floor = plan_setup(design, design.setups[0], MACHINE, SHOP).operations[-1]
+    places = floor.moves.end_mm
+    assert floor.name == "floor" and places[:, 2].min() == pytest.approx(5.0)
+    cut = floor.moves.kind != Kind.RAPID
+    crossing = cut & (np.sign(places[:, 0]) != np.sign(floor.moves.starts_mm[:, 0])) & (places[:, 2] < 5.0 + 1e-9)
+    assert crossing.any()
