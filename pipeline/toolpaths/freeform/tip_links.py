@@ -29,7 +29,7 @@ LONGEST_DETOUR = 2.0        # a way along the surface may be this much longer th
 OUTSIDE_RADII = 1.0         # ways this short may leave the region: round a hole, along a ragged border
 MARGIN_MM = 0.1             # above what earlier operations left
 LEVEL_MM = 1e-9
-MOST_FOLDS = 200            # of a ramp to and fro
+FOLDS, MOST_FOLDS = 40, 200     # of a ramp to and fro; where what stands there asks for it
 UNDER, UNDER_SHARES = 16, np.array([0.17, 0.33, 0.5])     # places on circles of these shares of its radius: under a cutter's middle
 ALONG = 0.95                # cosine between a pass and the direction that a cutter leads toward
 RAMP_SHARE = 0.9            # of the steepest way into stock that the cutter stands
@@ -271,7 +271,7 @@ def _ramped(tips_mm, standing_mm, slope, otherwise):
     high, low = standing_mm
     if high <= MARGIN_MM:
         return otherwise
-    lower = ramp(tips_mm, low + MARGIN_MM, slope, otherwise) if low > 0.0 else otherwise
+    lower = ramp(tips_mm, low + MARGIN_MM, slope, otherwise, MOST_FOLDS) if low > 0.0 else otherwise
     return ramp(tips_mm, high + MARGIN_MM, slope, lower)
 
 
@@ -282,14 +282,14 @@ def _under_mm(tips_mm, rules):
     return rules.heights(there).reshape(len(tips_mm), -1).max(axis=1) - tips_mm[:, 2]
 
 
-def ramp(tips_mm, height_mm, slope, otherwise=None):
+def ramp(tips_mm, height_mm, slope, otherwise=None, most_folds=FOLDS):
     """(m, 3) tips that come down from a height above a path (n, 3) to its first tip, to and fro along the path.
 
-    `slope` is rise over way in plan.  Where the path is too short for it: `otherwise`.
+    `slope` is rise over way in plan.  Where the path is too short for it, folded so often: `otherwise`.
     """
     run = np.concatenate([[0.0], np.cumsum(np.sqrt((np.diff(tips_mm[:, :2], axis=0) ** 2).sum(axis=1)))])
     whole, way = run[-1], height_mm / slope
-    if way > MOST_FOLDS * whole:
+    if way > most_folds * whole:
         return otherwise
     folds = np.arange(math.ceil(way / whole)) * whole
     back = np.unique(np.concatenate([(f + (run if k % 2 == 0 else whole - run)) for k, f in enumerate(folds)]))

@@ -213,7 +213,7 @@ def test_a_cutter_that_does_not_cut_at_its_centre_comes_down_on_a_ramp(plain):
 def test_a_path_too_short_for_all_that_may_stand_is_entered_from_what_does_stand_there(plain):
     """What earlier cutters may have left is their worst anywhere, 6 mm here; 0.3 mm stand: a ramp from there, no arc."""
     field, steepest = field_of(plain), np.radians(3.0)
-    path = TipPath(tips_mm=np.array([(10.0, 8, 5), (12, 8, 5)]), is_closed=False, curve=0)
+    path = TipPath(tips_mm=np.array([(10.0, 8, 5), (10.3, 8, 5)]), is_closed=False, curve=0)
     rules = {"steepest_rad": steepest, "stock": MeshDropper.of(plain[1], RADIUS_MM, RADIUS_MM, 6.0)}
     steep = []
     for heights in (None, lambda xy: np.full(len(xy), 5.3)):
@@ -231,7 +231,7 @@ def test_a_ramp_runs_to_and_fro_over_its_path():
     assert tips[-1] == pytest.approx(path[0]) and tips[0] == pytest.approx((3, 0, 2.0))
     way = np.linalg.norm(np.diff(tips[:, :2], axis=0), axis=1)
     assert way.sum() == pytest.approx(25.0) and ramp(path, 1.0, 0.0001) is None
-    short = ramp(np.array([(0.0, 0, 1), (0.05, 0, 1)]), 0.44, 0.158)       # a twentieth of a millimetre long
+    short = ramp(np.array([(0.0, 0, 1), (0.05, 0, 1)]), 0.44, 0.158, None, 60)     # a twentieth of a millimetre long
     assert len(short) > 55 and (-np.diff(short[:, 2]) <= 0.158 * 0.05 + 1e-12).all() and short[0, 2] == pytest.approx(1.44)
     on_path = np.where(tips[:, 0] < 3 - 1e-9, 1.0, 1.0 + tips[:, 1] / 4)
     assert tips[:, 2] - on_path == pytest.approx(0.04 * (25.0 - np.concatenate([[0], np.cumsum(way)])))
