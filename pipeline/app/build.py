@@ -74,7 +74,7 @@ class Order:
     library: object
     spare: tuple[str, ...] = ()     # names of libraries with smaller cutters: taken in turn where the one before leaves a face; of
                                     # the first alone the slots and pockets into which the library's do not get
-    leaves_gaps: bool = False       # gaps beside what is cut stay: with smaller cutters something is wrong
+    leaves_gaps: bool = False       # gaps beside what is cut are listed: smaller cutters were tried and do no better
     shop: ShopFile = ShopFile()     # what the shop decides
     accepted: tuple[str, ...]
     out: Path
@@ -155,11 +155,21 @@ def _made(order, work, say):
     if not design.setups:
         return _measured(order, work, inputs, shape, say)
     off, _ = _measured_solid(order, work, say)
+    return _with_cutters(order, work, step, shape, off, say)
+
+
+def _with_cutters(order, work, step, shape, off, say):
+    """All stages of a design with setups behind its solid, by the order's cutters; where these do not get everywhere, again with
+    smaller ones beside them.  Those taken for a gap alone are given up where something is wrong with what they make.
+
+    Args:
+        step: file of the solid, in the work folder.   shape, off: as for `_programmed`.
+    """
     with_gaps = None            # the order before smaller cutters were taken for a gap alone
     while True:
         there, smaller = set(work.iterdir()), ()
         try:
-            result = _programmed(order, work, inputs, shape, off, say)
+            result = _programmed(order, work, inputs_hash(order, step), shape, off, say)
             if result.is_ok or with_gaps is None:
                 return result
         except (CamError, _FaceLeft) as left:
@@ -170,12 +180,11 @@ def _made(order, work, say):
                 with_gaps = with_gaps or replace(order, leaves_gaps=True)
         _leave_only(work, there)
         if smaller:
-            say(f"{design.name}: the cutters do not get everywhere; planned again with smaller ones beside them")
+            say(f"{order.design.name}: the cutters do not get everywhere; planned again with smaller ones beside them")
             order = replace(order, library=order.smaller, spare=smaller[1:])
         else:
-            say(f"{design.name}: smaller cutters do not get into its gaps either; planned again without them, the gaps listed")
+            say(f"{order.design.name}: smaller cutters do no better; planned again without them, the gaps listed")
             order, with_gaps = with_gaps, None
-        inputs = inputs_hash(order, step)
 
 
 class _FaceLeft(Exception):

@@ -122,13 +122,19 @@ def before_passes(work, ball, is_reached):
     return [] if operation is None else [operation]
 
 
-def over_slots(work, passes, is_reached):
-    """The passes of a smaller ball, before them the same lifted where it meets level ground under more than it cuts a slot: what
-    it could not clear, in a gap in which no level has room.
+def led_up_to(work, passes, is_reached):
+    """The passes of a smaller ball, and before them what it must clear in a gap that no larger cutter enters.
 
     Args:
         work: PlanningContext after all that is cut before.   passes: its PlannedOperation.   is_reached: (n,) bool, what it adds.
     """
+    before = before_passes(work, passes.tool, is_reached)
+    return [*before, *_over_slots(work.of(work.operation, [*work.planned, *before]), passes, is_reached)]
+
+
+def _over_slots(work, passes, is_reached):
+    """The passes, before them the same lifted where the ball meets level ground under more than it cuts a slot: what it could not
+    clear, for no level has room."""
     rows = leftover_rows(work.samples, is_reached & (work.samples.normal[:, 2] > 1.0 - UPRIGHT))
     return _in_layers(work, passes, _met_mm(work, passes.tool, work.stock_mm, rows))
 

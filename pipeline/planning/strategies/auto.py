@@ -231,9 +231,8 @@ def _free_form(work, may_take_floors=False):
     made, after = operations + finishing, lambda made: work.of(work.operation, [*work.planned, *made])
     for link in chain[1:]:
         rest = freeform_finishing.rest(work, finishing, link.tool, candidates)
-        if rest is not None:        # in a gap that no larger cutter enters the whole stock stands
-            made += roughing.before_passes(after(made), link.tool, link.adds)
-            made += roughing.over_slots(after(made), rest, link.adds)
+        if rest is not None:
+            made += roughing.led_up_to(after(made), rest, link.adds)
             finishing.append(rest)
     return made, reached
 
@@ -357,18 +356,15 @@ def _corners(work, floor, planned):
     left, reached = is_level & ~floor.is_reached, is_level & floor.is_reached
     if not left.any():
         return []
-    away = cKDTree(work.samples.point_mm[reached]).query(work.samples.point_mm[left])[0]
-    if area[left].sum() <= CORNER_SHARE * area.sum() and area[left][away > GAP_MM].sum() < GAP_MM2:
-        return []
+    if area[left].sum() <= CORNER_SHARE * area.sum():
+        away = cKDTree(work.samples.point_mm[reached]).query(work.samples.point_mm[left])[0]
+        if area[left][away > GAP_MM].sum() < GAP_MM2:
+            return []
     mine = work.on(work.operation, floor.levels, planned)
     chain, candidates, _ = choose_finishing(work.finishing_library, mine.samples, work.mesh, work.practice.rough_allowance_mm,
                                             work.finishing_work())
-    ball, there = chain[-1].tool, left[is_level]
-    made = freeform_finishing.rest(mine, planned, ball, candidates)
-    if made is None:
-        return []
-    before = roughing.before_passes(mine, ball, there)
-    return [*before, *roughing.over_slots(work.on(work.operation, floor.levels, [*planned, *before]), made, there)]
+    made = freeform_finishing.rest(mine, planned, chain[-1].tool, candidates)
+    return roughing.led_up_to(mine, made, left[is_level]) if made is not None else []
 
 
 def _by_flat_cutter(work, floor):

@@ -29,7 +29,7 @@ LONGEST_DETOUR = 2.0        # a way along the surface may be this much longer th
 OUTSIDE_RADII = 1.0         # ways this short may leave the region: round a hole, along a ragged border
 MARGIN_MM = 0.1             # above what earlier operations left
 LEVEL_MM = 1e-9
-FOLDS, MOST_FOLDS = 40, 200     # of a ramp to and fro; where what stands there asks for it
+FOLDS, MOST_FOLDS = 40, 200     # of a ramp to and fro: from the most that may stand, from what does stand there
 UNDER, UNDER_SHARES = 16, np.array([0.17, 0.33, 0.5])     # places on circles of these shares of its radius: under a cutter's middle
 ALONG = 0.95                # cosine between a pass and the direction that a cutter leads toward
 RAMP_SHARE = 0.9            # of the steepest way into stock that the cutter stands
@@ -285,7 +285,7 @@ def _under_mm(tips_mm, rules):
 def ramp(tips_mm, height_mm, slope, otherwise=None, most_folds=FOLDS):
     """(m, 3) tips that come down from a height above a path (n, 3) to its first tip, to and fro along the path.
 
-    `slope` is rise over way in plan.  Where the path is too short for it, folded so often: `otherwise`.
+    `slope` is rise over way in plan.  Where the path is too short for it, with so many folds at the most: `otherwise`.
     """
     run = np.concatenate([[0.0], np.cumsum(np.sqrt((np.diff(tips_mm[:, :2], axis=0) ** 2).sum(axis=1)))])
     whole, way = run[-1], height_mm / slope

@@ -13,7 +13,7 @@ from cuspline.toolpaths.freeform.parallel_passes import parallel_curves
 from cuspline.toolpaths.freeform.path_order import ordered_paths
 from cuspline.toolpaths.freeform.plane_curves import PlaneCurve
 from cuspline.toolpaths.freeform.tip_field import tip_field
-from cuspline.toolpaths.freeform.tip_links import TipLinkRules, moves_of_tip_paths, ramp
+from cuspline.toolpaths.freeform.tip_links import MOST_FOLDS, TipLinkRules, moves_of_tip_paths, ramp
 from cuspline.toolpaths.freeform.tip_paths import PathRules, TipPath, tip_paths
 from cuspline.values.errors import ToolpathError
 
@@ -230,8 +230,8 @@ def test_a_ramp_runs_to_and_fro_over_its_path():
     tips = ramp(path, 1.0, 0.04)                                           # 25 long: three whole folds and 4 more
     assert tips[-1] == pytest.approx(path[0]) and tips[0] == pytest.approx((3, 0, 2.0))
     way = np.linalg.norm(np.diff(tips[:, :2], axis=0), axis=1)
-    assert way.sum() == pytest.approx(25.0) and ramp(path, 1.0, 0.0001) is None
-    short = ramp(np.array([(0.0, 0, 1), (0.05, 0, 1)]), 0.44, 0.158, None, 60)     # a twentieth of a millimetre long
+    assert way.sum() == pytest.approx(25.0) and ramp(path, 1.0, 0.001) is None
+    short = ramp(np.array([(0.0, 0, 1), (0.05, 0, 1)]), 0.44, 0.158, None, MOST_FOLDS)     # a twentieth of a millimetre long
     assert len(short) > 55 and (-np.diff(short[:, 2]) <= 0.158 * 0.05 + 1e-12).all() and short[0, 2] == pytest.approx(1.44)
     on_path = np.where(tips[:, 0] < 3 - 1e-9, 1.0, 1.0 + tips[:, 1] / 4)
     assert tips[:, 2] - on_path == pytest.approx(0.04 * (25.0 - np.concatenate([[0], np.cumsum(way)])))
