@@ -59,6 +59,8 @@ from cuspline.verification.verdict import Options
 STAGES = ("step", "plan", "gcode", "verify", "report")
 DRAFT = "draft"               # plan, program and a first look at it, in place of all that follows
 DRAFT_OPTIONS = Options(finer=0.5, tessellation_mm=0.01)        # a quarter of the sample points; triangles tell what is in reach
+FACES, GAPS = "faces", "gaps"   # what an order's cutters may leave
+LEFT = {"excess", "missing_area", "face_not_cut"}       # kinds of findings about what stands
 HELD_PLANS = 4                # up to so many hold what they were planned with
 UNVERIFIED = "VERDICT: NOT VERIFIED YET"
 VERSIONED = ("build123d", "cadquery", "cadquery-ocp", "numpy", "scipy", "numba", "manifold3d", "pymeshlab")
@@ -72,9 +74,9 @@ class Order:
     design: object              # design.Design
     machine: object
     library: object
-    spare: tuple[str, ...] = ()     # names of libraries with smaller cutters: taken in turn where the one before leaves a face; of
-                                    # the first alone the slots and pockets into which the library's do not get
-    leaves_gaps: bool = False       # gaps beside what is cut are listed: smaller cutters were tried and do no better
+    spare: tuple[str, ...] = ()     # names of libraries with smaller cutters: taken in turn where the one before leaves a face;
+                                    # their flat ones at once for slots and pockets into which the library's do not get
+    leaves: str = ""                # FACES or GAPS that are told: smaller cutters were tried and do no better
     shop: ShopFile = ShopFile()     # what the shop decides
     accepted: tuple[str, ...]
     out: Path
@@ -83,8 +85,11 @@ class Order:
 
     @property
     def smaller(self):
-        """The ToolLibrary with the first spare ones beside the design's own tools; None: there are none."""
-        return find_library(self.spare[0]).with_tools(self.design.tools) if self.spare else None
+        """The ToolLibrary with the first spare ones beside the design's own tools, the others behind it; None: there are none."""
+        library = None
+        for name in reversed(self.spare):
+            library = find_library(name).with_tools(self.design.tools).with_smaller(library)
+        return library
 
 
 def build(order, say=lambda text: None):
@@ -160,39 +165,41 @@ def _made(order, work, say):
 
 def _with_cutters(order, work, step, shape, off, say):
     """All stages of a design with setups behind its solid, by the order's cutters; where these do not get everywhere, again with
-    smaller ones beside them.  Those taken for a gap alone are given up where something is wrong with what they make.
+    smaller ones beside them.  These are given up where something is wrong with what they make: if they were taken for a gap
+    alone, whatever that is; for a face, if it is more than what they too leave of it.
 
     Args:
         step: file of the solid, in the work folder.   shape, off: as for `_programmed`.
     """
-    with_gaps = None            # the order before smaller cutters were taken for a gap alone
+    before = []             # orders to go back to: where a face was left, then where a gap was
     while True:
         there, smaller = set(work.iterdir()), ()
         try:
             result = _programmed(order, work, inputs_hash(order, step), shape, off, say)
-            if result.is_ok or with_gaps is None:
+            if result.is_ok or not before or before[-1].leaves == FACES and {f.kind for f in result.findings} <= LEFT:
                 return result
         except (CamError, _FaceLeft) as left:
             smaller = order.spare if isinstance(left, (CutterDoesNotFit, _FaceLeft)) else ()
-            if not smaller and with_gaps is None:
+            if not smaller and not before:
                 raise
-            if isinstance(left, _GapLeft):
-                with_gaps = with_gaps or replace(order, leaves_gaps=True)
+            if isinstance(left, _FaceLeft) and not (before and before[-1].leaves in (left.what, GAPS)):
+                before.append(replace(order, leaves=left.what))
         _leave_only(work, there)
         if smaller:
             say(f"{order.design.name}: the cutters do not get everywhere; planned again with smaller ones beside them")
             order = replace(order, library=order.smaller, spare=smaller[1:])
         else:
-            say(f"{order.design.name}: smaller cutters do no better; planned again without them, the gaps listed")
-            order, with_gaps = with_gaps, None
+            say(f"{order.design.name}: smaller cutters do no better; planned again without them, what is left listed")
+            order = before.pop()
 
 
 class _FaceLeft(Exception):
-    """Most of a face that a setup names is not cut, and there are spare cutters."""
+    """Of what a setup names something is not cut, and there are spare cutters."""
 
-
-class _GapLeft(_FaceLeft):
-    """A gap beside what is cut is not."""
+    def __init__(self, what):
+        """what: FACES, most of one; GAPS beside what is cut."""
+        super().__init__(what)
+        self.what = what
 
 
 def _programmed(order, work, inputs, shape, off, say):
@@ -375,10 +382,10 @@ class _Trial:
         for number in range(1, mending.OWN_ROUNDS + 1 if any(p.is_mended for p in own) else 1):
             first = self.begun(job)
             if number == 1 and self.order.spare and "face_not_cut" not in self.order.accepted:
-                if first.first.leaves_faces:
-                    raise _FaceLeft
-                if not self.order.leaves_gaps and first.first.leaves_gaps:
-                    raise _GapLeft
+                if self.order.leaves != FACES and first.first.leaves_faces:
+                    raise _FaceLeft(FACES)
+                if not self.order.leaves and first.first.leaves_gaps:
+                    raise _FaceLeft(GAPS)
             share = 1.0 - mending.MARGIN
             deep = first.first.gouges_mm(share * finish.gouge_mm)
             wants = [mending.wants_of(found, finish, mm, share) for (found, _), mm in zip(first.first.residuals, deep)]

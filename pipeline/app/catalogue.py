@@ -34,7 +34,8 @@ DESIGNS = Path(cuspline.designs.__file__).parent
 POSTS = Path(cuspline.posts.__file__).parent
 MACHINES, LIBRARIES, WRITERS, READERS = POSTS / "machines", POSTS / "tools", POSTS / "writers", POSTS / "readers"
 DEFAULT_LIBRARY = "tools"
-SMALLER = {"small_mills": DEFAULT_LIBRARY, "small_balls": "small_mills"}      # smaller cutters, and the library they stand beside
+SMALLER = {"small_mills": DEFAULT_LIBRARY, "small_balls": "small_mills",      # smaller cutters, and the library they stand beside
+           "fine_mills": "small_balls"}
 SHOP = "shop."              # of a parameter that is the shop's, not the design's
 OF_A_POST = {
     "EXTENSION": (str, "the ending of its files, such as \"ngc\""),

@@ -67,6 +67,7 @@ THIN_MM = 0.05              # of the needle that finds the part
 STEEP_DEG = 65.0            # clean-up passes of a setup with several operations: walls beyond get waterlines
 NEAR_RADII = 3.0            # of a cutter round the faces that a position cuts: what it may touch
 MADE_AGAIN = "mesh", "as cast", "geometry", "clearance", "obstacles"       # what `let_go` forgets: 200 MB of a propeller
+SIDES = "flat", "bull_nose"     # types of cutters whose sides stand upright
 STEEPEST_RAMP_DEG = 44.9    # a preset's may be 90: straight down
 AXIS = 1e-9                 # how exactly a tool axis must be the setup's Z
 
@@ -153,8 +154,8 @@ class PlanningContext:
             tolerance_share: of every profile tolerance, that paths keep to.
         """
         self.design, self.setup, self.machine, self.before = design, setup, machine, before
-        self.plating_mm, self.given, self.magazine = design.finish.plating_mm, library, library.smaller or library
-        self.library = self._within_skin(library).with_smaller(library.smaller and self._within_skin(library.smaller))
+        self.plating_mm, self.given, self.magazine = design.finish.plating_mm, library, (library, *library.all_smaller)[-1]
+        self.library = self._within_skin(library)
         self.shop, self.tolerance_share, self.planned, self._shared, self.only = shop, tolerance_share, (), Known(), None
         alone = setup.operations[0] if len(setup.operations) == 1 else None
         self.operation = alone if isinstance(alone, Finishing) else Finishing(steep_deg=STEEP_DEG)
@@ -204,18 +205,19 @@ class PlanningContext:
 
     @property
     def with_smaller(self):
-        """[the same with smaller flat and bull nose cutters beside those of the library]; []: there are none."""
-        smaller, sides = self.library.smaller, ("flat", "bull_nose")
-        if smaller is None or len(smaller.of_type(*sides)) == len(self.library.of_type(*sides)):
-            return []
-        mine = copy(self)
-        mine.library = smaller
-        return [mine]
+        """[the same with smaller flat and bull nose cutters beside those of the library, with still smaller ones, ...]"""
+        found, count = [], len(self.library.of_type(*SIDES))
+        for smaller in self.library.all_smaller:
+            if len(smaller.of_type(*SIDES)) > count:
+                found.append(copy(self))
+                found[-1].library, count = smaller, len(smaller.of_type(*SIDES))
+        return found
 
     def _within_skin(self, library):
         """The library as it is planned with: within the plating, and in the machine's spindle."""
         within = library_within_skin(library, self.plating_mm) if self.plating_mm else library
-        return within.in_spindle(round_the_spindle(self.machine))
+        smaller = library.smaller and self._within_skin(library.smaller)
+        return within.in_spindle(round_the_spindle(self.machine)).with_smaller(smaller)
 
     def _refuse_turning(self, operation):
         """A turning axis where the machine cannot hold it, or the verdict could not follow it."""

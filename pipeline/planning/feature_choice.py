@@ -35,6 +35,7 @@ LONG_RING = 10.0           # the same of a ring's middle: a shorter one is a poc
 SLOT_WALLS = 6              # two long ones, what closes its ends
 LOWER_MM = 1e-3             # than the rim: an island whose top the pocket's floor finishing takes with it
 SAID = 3                    # reasons that are written out, each of another operation
+SUNK_MM = 2.0               # of stock over its rim, at least, that a slot or pocket waits for
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -109,18 +110,38 @@ def is_prismatic(work):
     return bool(((up > 1.0 - UPRIGHT) | (up < UPRIGHT)).all())
 
 
-def pockets_made(work, made):
+def pockets_made(work, made, but=()):
     """The same Featured with slots, then pockets, of upright walls, deepest last, by smaller cutters where the usual ones do not
-    get in; what neither can do stays for others."""
-    made = _pockets_made(work, made)
-    for one in work.with_smaller if made.left(work) else ():
-        more = _pockets_made(one, made)
+    get in; what neither can do stays for others.  `but`: indices of faces that wait."""
+    made = _pockets_made(work, made, but)
+    for one in work.with_smaller:
+        if set(made.left(work)) <= set(but):
+            break
+        more = _pockets_made(one, made, but)
         made = more if more.operations != made.operations else made
     return made
 
 
-def _pockets_made(work, made):
-    slots, pockets = _slots_and_pockets(work, set(made.left(work)))
+def sunk_faces(work, left):
+    """Indices of faces of slots and pockets over whose rims more stands than they are deep, and of those let into them; [] where
+    nothing else is left.
+
+    What stands there is cleared first: a cutter narrow enough for them would go through it in a gap as narrow, its shank behind it.
+    """
+    features, sunk = _cleared_features(work, set(left)), set()
+    floors = {f.faces[0] for f in features}
+    for feature in features:                        # highest first
+        floor = work.samples.point_mm[work.samples.face == feature.faces[0]]
+        around = {n.index for i in feature.faces for n in work.neighbours[i]} & floors - set(feature.faces)
+        let_into = [k for k in around if _height_mm(work, k) > _height_mm(work, feature.faces[0])]
+        above = work.stock_mm(floor[:, :2]) - floor[:, 2] - feature.size_mm
+        if sunk & set(let_into) or not let_into and above.max(initial=0.0) > max(feature.size_mm, SUNK_MM):
+            sunk.update(feature.faces)
+    return sorted(sunk) if sunk < set(left) else []
+
+
+def _pockets_made(work, made, but):
+    slots, pockets = _slots_and_pockets(work, set(made.left(work)) - set(but))
     for slot in slots:
         made, is_made = tried(work, made, Slot(), slot)
         pockets += [] if is_made else [slot]
@@ -149,16 +170,28 @@ def tried(work, made, operation, faces):
 
 def _slots_and_pockets(work, left):
     """([faces of a slot], [faces of a pocket]): upward ones, all of whose faces are among those that are left; highest first."""
-    features = work.once("features", lambda: features_of(work.faces))
-    tops = [f for f in features if f.kind == "boss" and f.faces[0] in left and is_level(work.faces[f.faces[0]])]
+    tops = [f for f in _features(work) if f.kind == "boss" and f.faces[0] in left and is_level(work.faces[f.faces[0]])]
     slots, pockets = [], []
-    level = lambda f: float(work.faces[f.faces[0]].middle.point_mm[0, 2])
-    found = [f for f in features if f.kind in CLEARED and is_level(work.faces[f.faces[0]]) and set(f.faces) <= left]
-    for feature in sorted(found, key=lambda f: (-level(f), f.faces[0])):
+    level = lambda f: _height_mm(work, f.faces[0])
+    for feature in _cleared_features(work, left):
         rim = level(feature) + feature.size_mm - LOWER_MM
         islands = [t.faces[0] for t in tops if set(t.faces[1:]) <= set(feature.faces) and level(t) < rim]
         (slots if not islands and _is_slot(work, feature) else pockets).append([*feature.faces, *islands])
     return slots, pockets
+
+
+def _features(work):
+    return work.once("features", lambda: features_of(work.faces))
+
+
+def _cleared_features(work, left):
+    """Features that slots and pockets may make, all of whose faces are among those that are left; highest first."""
+    found = [f for f in _features(work) if f.kind in CLEARED and is_level(work.faces[f.faces[0]]) and set(f.faces) <= left]
+    return sorted(found, key=lambda f: (-_height_mm(work, f.faces[0]), f.faces[0]))
+
+
+def _height_mm(work, floor):
+    return float(work.faces[floor].middle.point_mm[0, 2])
 
 
 def outline_faces(work, left):

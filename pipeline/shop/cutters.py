@@ -521,6 +521,11 @@ class ToolLibrary(Model):
         """ToolLibrary of the same tools and smaller ones, for slots and pockets that these do not get into; None: there is none."""
         return self._smaller
 
+    @property
+    def all_smaller(self):
+        """(ToolLibrary, ...) that one, what it has itself for smaller places, and so on."""
+        return () if self._smaller is None else (self._smaller, *self._smaller.all_smaller)
+
     def with_smaller(self, library):
         """The same tools, with that one at hand for what they do not get into; None: with none."""
         mine = self.model_copy()

@@ -182,3 +182,38 @@ def test_a_slot_hardly_wider_than_its_cutter_has_no_walls_to_be_roughed():
     slot = cq.Workplane("XY", origin=(30, 15, Z - 3)).slot2D(14, 3.2).extrude(9)
     made = [o.name for o in planned(block().cut(slot), shop=catalogue.find_library("small_mills")).operations]
     assert made == ["slot", "slot walls"]
+
+
+def vee():
+    """A vee of 3.2 mm across the whole block, as one cut away."""
+    return cq.Workplane("YZ", origin=(-1, 15, 0)).polyline([(-4.95, Z + 0.05), (0, Z - 4.9), (4.95, Z + 0.05)]).close().extrude(70)
+
+
+def drafted():
+    return cq.Workplane("XY", origin=(31, 15, Z + 0.01)).rect(36, 20).extrude(-3.21, taper=20)
+
+
+@pytest.mark.parametrize("above, length", [(vee(), 70), (drafted(), 20)])
+def test_a_slot_sunk_under_walls_that_lean_waits_until_these_are_shaped(above, length):
+    """In a gap as wide as itself the cutter's shank would go through what stands over the slot."""
+    slot = cq.Workplane("XY", origin=(31, 15, Z - 5.2)).slot2D(length, 3.4).extrude(2)
+    both = SHOP.with_smaller(catalogue.find_library("small_mills"))
+    made = planned(block().cut(above).cut(slot), shop=both)
+    names, tools = [o.name for o in made.operations], [o.tool.cutter for o in made.operations]
+    first = next(k for k, name in enumerate(names) if name.startswith(("slot", "pocket")))
+    assert all(n.startswith(("slot", "pocket")) and c.diameter_mm == 3.0 for n, c in zip(names[first:], tools[first:]))
+    assert any(c.type == "ball" for c in tools[:first]) and not any(c.diameter_mm == 3.0 for c in tools[:first])
+
+
+def test_an_open_slot_in_the_top_waits_for_nothing():
+    slot = cq.Workplane("XY", origin=(31, 15, Z - 2)).rect(90, 3.4).extrude(9)
+    both = SHOP.with_smaller(catalogue.find_library("small_mills"))
+    assert planned(block().cut(slot), shop=both, stock=StockBox(min_mm=(0, 0, 0), max_mm=(X, Y, Z + 1))).operations[0].name == "slot"
+
+
+def test_a_groove_of_two_and_a_half_is_cut_by_the_finest_flat_cutters_at_once():
+    groove = cq.Workplane("XY", origin=(31, 15, Z - 1.5)).rect(40, 22).extrude(9).edges("|Z").fillet(6).cut(
+        cq.Workplane("XY", origin=(31, 15, Z - 1.5)).rect(35, 17).extrude(9).edges("|Z").fillet(3.5))
+    shop = SHOP.with_smaller(catalogue.find_library("small_mills").with_smaller(catalogue.find_library("fine_mills")))
+    made = planned(block().cut(groove), shop=shop)
+    assert {o.tool.cutter.name for o in made.operations} == {"flat 2 mm"} and made.operations[-1].name == "pocket walls"

@@ -12,7 +12,7 @@ from cuspline.design.operations import Clearing, Finishing
 from cuspline.planning import chamfering, freeform_finishing, level_finishing, roughing, section_finishing
 from cuspline.planning.context import FinishingStage
 from cuspline.planning.cutter_choice import choose_ball, choose_cutter, choose_rest_ball, leftover_rows
-from cuspline.planning.feature_choice import contoured, holes_made, is_prismatic, outline_faces, pockets_made, told_of
+from cuspline.planning.feature_choice import contoured, holes_made, is_prismatic, outline_faces, pockets_made, sunk_faces, told_of
 from cuspline.planning.finishing_chain import choose_finishing
 from cuspline.planning.roughing import roughed
 from cuspline.planning.strategies.chamfer import Chamfer
@@ -71,7 +71,7 @@ class Auto(Finishing):
         if self._is_free and made.left(work):
             rest = work.on(self, made.left(work), work.planned) if made.taken else work
             if is_prismatic(rest) or self._chosen(rest).strategy != "sections":
-                made = pockets_made(work, made)
+                made = pockets_made(work, made, but=sunk_faces(rest, made.left(work)))
         chosen = self.strategy or self._chosen(work).strategy
         edges = () if chosen == "sections" or self.strategy else chamfering.chamfer_faces(work, Chamfer(), WIDEST_CHAMFER_MM)
         return self._with_threads(work, *self._with_edges(work, made, edges))
@@ -103,7 +103,7 @@ class Auto(Finishing):
 
     def _with_others(self, work, made, edges):
         """All that is not taken, after what is made (feature_choice.Featured); then chamfers along `edges`."""
-        made = self._with_outline(work, made)
+        made = self._with_what_waits(work, made)
         operations, left = list(made.operations), made.left(work)
         if not made.taken:
             return self._shaped_in_place(work, made.why(left))
@@ -125,10 +125,30 @@ class Auto(Finishing):
             raise CutterDoesNotFit(f"{error} ({why})" if why else str(error), rows=error.rows) from None
         return told_of(shaped, why), rows
 
+    def _with_what_waits(self, work, made):
+        """The same with what is not upright shaped, and after it what waits for that, where there are both: slots and pockets sunk
+        under it, walls that stand on nothing contoured."""
+        left = made.left(work)
+        if not self._is_free or not left:
+            return made
+        sunk = sunk_faces(work.on(self, left, work.planned), left)
+        after = self._sunk_made(work, made, sunk) if sunk else None
+        return after or self._with_outline(work, made)
+
+    def _sunk_made(self, work, made, sunk):
+        """The same with all others, then slots and pockets that are sunk under them; None: not all of these are made then."""
+        before = self._with_outline(work, replace(made, taken=(*made.taken, *sunk)))
+        others = before.left(work)
+        if others:
+            shaped, rows = self._shaped(work.on(self, others, [*work.planned, *before.operations]))
+            before = before.with_made(shaped, others, rows)
+        after = pockets_made(work, replace(before, taken=tuple(i for i in before.taken if i not in set(sunk))))
+        return after if set(sunk) <= set(after.taken) else None
+
     def _with_outline(self, work, made):
         """The same with what is not upright shaped, and walls that stand on nothing contoured after it, where there are both."""
         left = made.left(work)
-        walls = outline_faces(work, left) if self._is_free and left else []
+        walls = outline_faces(work, left) if left else []
         others = [i for i in left if i not in set(walls)]
         if not walls or not others or self._chosen(work.on(self, left, work.planned)).strategy == "sections":
             return made
@@ -154,7 +174,9 @@ class Auto(Finishing):
                 raise CutterDoesNotFit(f"{error}, or leave `strategy` out: parallel passes with several balls go as far as "
                                        "these do, and what they leave is listed") from None
             return _instead(work, error)
-        except ToolpathError as error:                  # a section with kinks
+        except (ToolpathError, PlanError) as error:     # a section with kinks; a groove that the ball does not get into
+            if self.strategy is not None and isinstance(error, PlanError):
+                raise
             return _instead(work, error)
 
     def _chosen(self, work):
