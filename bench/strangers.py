@@ -27,7 +27,9 @@ PLATES = ("gland_flange", "phone_holder", "bearing_seat", "mould_core", "optic_m
           "ring_wheel", "saddle_block")
 LABS = ("pole_tip", "waveguide", "half_cell", "rudder", "bulb", "bottle_mould", "lens_insert", "chevron", "watch_bridge",
         "big_plate")
-FAMILIES = {**dict.fromkeys(PLATES, "plates.py"), **dict.fromkeys(LABS, "labs.py")}       # files of many parts
+SHOPS = ("cold_plate", "tee_mould", "lens_array", "star_knob", "vee_block", "cam", "isogrid", "airfoil_block", "mouse",
+         "pin_electrode", "slotted_disc", "scoop")
+FAMILIES = {**dict.fromkeys(PLATES, "plates.py"), **dict.fromkeys(LABS, "labs.py"), **dict.fromkeys(SHOPS, "shops.py")}       # files of many parts
 LIBRARIES = {"inch_plate": ("--cutters", "inch_mills"),
              **dict.fromkeys(("electrode", "keyboard", "gear", *FAMILIES), ())}      # none is named
 JOBS = ("clamp", "gear")    # STEP with a job file

@@ -3,6 +3,8 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
+from cuspline.values import fixed_math as fixed
+from cuspline.verification.foot_of_walls import SQUARE, between_walls
 from cuspline.verification.reach import DRILLED_MM, TOO_NARROW
 from cuspline.verification.reporter import MISSED, MISSED_MM2, allowed_mm
 from cuspline.verification.residuals import LIMIT_MM
@@ -56,13 +58,17 @@ def faces_not_cut(found, faces, ball_radius_mm, finish, left_mm, axis, distance_
 
 
 def has_gaps(found, faces, ball_radius_mm, finish, axis):
-    """Whether somewhere on a floor, of which most may be cut, a gap is left for which every cutter was too wide.
+    """Whether a gap is left for which every cutter was too wide: between upright walls, or in a floor of which most may be cut.
 
     Args:
         as for `faces_not_cut`.
     """
     samples, high = found.samples, found.deviation_mm > MISSED * allowed_mm(finish)
     is_left = high & (found.reach == TOO_NARROW) & ~found.is_top
+    upright = np.flatnonzero(is_left & (np.abs(fixed.matmul(samples.normals, np.asarray(axis))) < SQUARE))
+    facing = between_walls(samples.points_mm[upright], samples.normals[upright], 2.0 * ball_radius_mm, found.spacing_mm)
+    if samples.weight_mm2[upright[facing]].sum() >= MISSED_MM2:
+        return True
     for k, face in enumerate(faces):
         if face.kind != "plane" or float((face.middle.normal[0] * axis).sum()) < UPWARD:
             continue

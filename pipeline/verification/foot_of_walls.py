@@ -8,6 +8,7 @@ What came out in size was made, whoever says that it cannot be.  Where stock sta
 one must fit, so that what an inner corner keeps of a cutter that runs a tolerance beside the wall is no excess.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +25,7 @@ FREE_MM = 0.01              # by which it may then stand in the triangles of the
 SQUARE = 1e-6               # of a normal: level or upright within this
 FINISHED_SHARE = 0.5        # of a face's area in size, that cutters with upright sides made: it is theirs
 CUTTER_SHARE = 0.05         # the same of one cutter that has finished some of it
+FACING = 0.9                # cosine between the normals of two walls that face each other, but for its sign
 WAYS = 32                   # directions from a place in which the cutter's middle is looked for
 
 
@@ -107,3 +109,21 @@ def _fits(path, drops, places, normals):
     tip = places[:, 2] + np.where(level, FREE_MM, -corner - FREE_MM)
     held = is_held_above(drops, middle.reshape(-1, 2), radius - FREE_MM, corner, np.repeat(tip, WAYS))
     return ~held.reshape(len(places), WAYS).all(axis=1)
+
+
+def between_walls(points_mm, normals, wide_mm, apart_mm):
+    """(n,) bool of points on upright walls: others of them face them across less than a width.
+
+    Args:
+        points_mm, normals: (n, 3) in one frame.   apart_mm: about how far points lie from one another.
+    """
+    found = np.zeros(len(points_mm), bool)
+    if not len(points_mm):
+        return found
+    tree, steps = cKDTree(points_mm), math.ceil(wide_mm / apart_mm)
+    for across_mm in np.linspace(wide_mm / steps, wide_mm, steps):
+        away, near = tree.query(points_mm + across_mm * normals, distance_upper_bound=apart_mm)
+        rows = np.flatnonzero(np.isfinite(away))
+        ahead = ((points_mm[near[rows]] - points_mm[rows]) * normals[rows]).sum(axis=1)
+        found[rows] |= ((normals[near[rows]] * normals[rows]).sum(axis=1) < -FACING) & (ahead < wide_mm)
+    return found

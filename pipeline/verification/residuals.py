@@ -12,7 +12,7 @@ from cuspline.values.checkpoints import NOTHING
 from cuspline.values.clusters import clusters_of
 from cuspline.values.known import Known
 from cuspline.verification.climbing import Ground, bottoms_of, tops_of
-from cuspline.verification.foot_of_walls import SQUARE, with_own_cutters
+from cuspline.verification.foot_of_walls import SQUARE, between_walls, with_own_cutters
 from cuspline.verification.reach import (
     DOWNWARD,
     FINISHABLE,
@@ -29,6 +29,7 @@ LIMIT_MM = 2.0            # deviations are capped here: far more than any tolera
 PER_SPACING2 = 17.0       # samples on a square of one spacing
 UNDER_NEAR_MM = 0.5         # of what an undercutting cutter sweeps: places that it was to make
 RUNS_OUT_MM = 0.05          # what a corner keeps is as thin somewhere, where it runs out into the wall
+GAP_MM2 = 1.0               # of walls that face each other
 LEAST_CORNER_MM = 0.05      # of a cutter without one, whose place in a corner nothing tells
 TARGET = 60_000           # samples wanted on one setup: every top and bottom between them is climbed to
 
@@ -309,9 +310,12 @@ def unreachable_places(found, axis, radius_of):
 
 
 def _radius_that_stays(found, group, axis, radius_of):
-    """{"stays_radius_mm": ...} of a group that lies on upright walls too and goes over into what came out in size; else {}."""
+    """{"stays_radius_mm": ...} of a group that lies on upright walls too and goes over into what came out in size; else {}: where
+    much of it is between walls that face each other more narrowly than that cutter is wide, it is no corner."""
     upright = group[np.abs(fixed.matmul(found.samples.normals[group], np.asarray(axis))) < SQUARE]
     least = upright[found.deviation_mm[upright].argmin()] if len(upright) else -1
     if least < 0 or found.row[least] < 0 or found.deviation_mm[least] > RUNS_OUT_MM:
         return {}
-    return {"stays_radius_mm": round(float(radius_of(int(found.row[least]))), 6)}
+    radius, left = float(radius_of(int(found.row[least]))), upright[found.deviation_mm[upright] > RUNS_OUT_MM]
+    facing = between_walls(found.samples.points_mm[left], found.samples.normals[left], 2.0 * radius, found.spacing_mm)
+    return {} if found.samples.weight_mm2[left[facing]].sum() > GAP_MM2 else {"stays_radius_mm": round(radius, 6)}

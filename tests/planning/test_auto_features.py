@@ -208,7 +208,8 @@ def test_a_slot_sunk_under_walls_that_lean_waits_until_these_are_shaped(above, l
 def test_an_open_slot_in_the_top_waits_for_nothing():
     slot = cq.Workplane("XY", origin=(31, 15, Z - 2)).rect(90, 3.4).extrude(9)
     both = SHOP.with_smaller(catalogue.find_library("small_mills"))
-    assert planned(block().cut(slot), shop=both, stock=StockBox(min_mm=(0, 0, 0), max_mm=(X, Y, Z + 1))).operations[0].name == "slot"
+    stock = StockBox(min_mm=(0, 0, 0), max_mm=(X, Y, Z + 1))
+    assert planned(block().cut(slot), shop=both, stock=stock).operations[0].name == "slot"
 
 
 def test_a_groove_of_two_and_a_half_is_cut_by_the_finest_flat_cutters_at_once():

@@ -102,3 +102,16 @@ def test_a_gap_in_a_step_is_known_from_a_foot_beside_what_was_not_cut(width, is_
     found = verdict(part, floor, radius=BALL_MM, ys=np.arange(-0.3, 2.8, 0.3), z=7.0).residuals
     faces = [f for f in brep.faces_of(brep.the_solid(part)) if floor(f.middle.normal[0], f.middle.point_mm[0])]
     assert len(faces) == 1 and has_gaps(found, faces, BALL_MM, FINISH, np.array([0, 0, 1.0])) is is_gap
+
+
+@pytest.mark.parametrize("width, is_gap", [(2.6, True), (6.4, False)])
+def test_a_keyway_that_no_cutter_enters_is_a_gap_and_no_inner_corner(width, is_gap):
+    """A groove across a slot's wall, 1.5 mm deep, none of it farther from what is cut than the radius of the balls of 3 mm; beside
+    it what stays in the slot's own corners."""
+    part = slot(8.0, 3.0).cut(cq.Workplane("XY", origin=(8, 11, 7)).box(width, 2.5, 9, centered=(True, False, False)))
+    wall = lambda n, p: abs(n[2]) < 0.5 and 4 < p[1] < 13.6 and p[2] > 7
+    found = verdict(part, wall, radius=BALL_MM, ys=np.arange(4 + BALL_MM, 12 - BALL_MM + 1e-9, 0.25), z=7.0)
+    faces = [f for f in brep.faces_of(brep.the_solid(part)) if wall(f.middle.normal[0], f.middle.point_mm[0])]
+    assert has_gaps(found.residuals, faces, BALL_MM, FINISH, np.array([0, 0, 1.0])) is is_gap
+    keyway = [row for row in found.as_dict()["unreachable"] if row["max_mm"][1] > 12.5 and row["area_mm2"] > 1.0]
+    assert not is_gap or (keyway and all("stays_radius_mm" not in row for row in keyway))
