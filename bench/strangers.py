@@ -29,7 +29,7 @@ LABS = ("pole_tip", "waveguide", "half_cell", "rudder", "bulb", "bottle_mould", 
         "big_plate")
 SHOPS = ("cold_plate", "tee_mould", "lens_array", "star_knob", "vee_block", "cam", "isogrid", "airfoil_block", "mouse",
          "pin_electrode", "slotted_disc", "scoop")
-FAMILIES = {**dict.fromkeys(PLATES, "plates.py"), **dict.fromkeys(LABS, "labs.py"), **dict.fromkeys(SHOPS, "shops.py")}       # files of many parts
+FAMILIES = {**dict.fromkeys(PLATES, "plates.py"), **dict.fromkeys(LABS, "labs.py"), **dict.fromkeys(SHOPS, "shops.py")}
 LIBRARIES = {"inch_plate": ("--cutters", "inch_mills"),
              **dict.fromkeys(("electrode", "keyboard", "gear", *FAMILIES), ())}      # none is named
 JOBS = ("clamp", "gear")    # STEP with a job file

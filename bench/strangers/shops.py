@@ -1,4 +1,4 @@
-"""Twelve parts of shops that make coolers, moulds, jigs and instruments, from above with the usual cutters: `-p part=cold_plate`."""
+"""Twelve parts of coolers, moulds, jigs and instruments, from above with the usual cutters: `-p part=cold_plate`."""
 
 import math
 from typing import Literal
@@ -63,8 +63,9 @@ def vee_block():
 
 def cam():
     """A plate cam with a hub and a keyway that no end mill enters."""
-    outline = [((20 + 5 * math.cos(a) + 1.5 * math.cos(2 * a)) * math.cos(a), (20 + 5 * math.cos(a) + 1.5 * math.cos(2 * a)) * math.sin(a))
-               for a in (math.pi * k / 12 for k in range(24))]
+    turns = [math.pi * k / 12 for k in range(24)]
+    radii = [20 + 5 * math.cos(a) + 1.5 * math.cos(2 * a) for a in turns]
+    outline = [(r * math.cos(a), r * math.sin(a)) for r, a in zip(radii, turns)]
     body = cq.Workplane().spline(outline, periodic=True).close().extrude(8)
     body = body.union(cq.Workplane().circle(10).extrude(14)).faces(">Z").workplane().hole(10)
     return body.cut(cq.Workplane().center(0, 5).rect(3, 3.6).extrude(20))

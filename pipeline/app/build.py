@@ -20,10 +20,11 @@ import numpy as np
 
 import cuspline
 from cuspline.app import mending
-from cuspline.app.catalogue import find_library, sources_of_post
+from cuspline.app.catalogue import FOR_SLOTS, find_library, sources_of_post
 from cuspline.app.judge import begun, figures_in_words, post_module, posted_positions, told_in_words
 from cuspline.app.outcome import Result
 from cuspline.app.report_inputs import report_bundle, shape_of, view_of
+from cuspline.app.spare_cutters import first_that_helps
 from cuspline.design.design import by_clamping, with_zero_heights
 from cuspline.design.job import Job, PostedFile, digest_of, job_line
 from cuspline.design.setup_alignment import refixturing_in_words
@@ -74,8 +75,8 @@ class Order:
     design: object              # design.Design
     machine: object
     library: object
-    spare: tuple[str, ...] = ()     # names of libraries with smaller cutters: taken in turn where the one before leaves a face;
-                                    # their flat ones at once for slots and pockets into which the library's do not get
+    spare: tuple[str, ...] = ()     # names of libraries with smaller cutters: those `for_all` in turn where the one before leaves a
+                                    # face; flat ones of all at once for slots and pockets into which the library's do not get
     leaves: str = ""                # FACES or GAPS that are told: smaller cutters were tried and do no better
     shop: ShopFile = ShopFile()     # what the shop decides
     accepted: tuple[str, ...]
@@ -87,9 +88,19 @@ class Order:
     def smaller(self):
         """The ToolLibrary with the first spare ones beside the design's own tools, the others behind it; None: there are none."""
         library = None
-        for name in reversed(self.spare):
-            library = find_library(name).with_tools(self.design.tools).with_smaller(library)
+        for own in reversed(self.all_smaller):
+            library = own.with_smaller(library)
         return library
+
+    @property
+    def all_smaller(self):
+        """(ToolLibrary, ...) with all the spare ones."""
+        return tuple(find_library(name).with_tools(self.design.tools) for name in self.spare)
+
+    @property
+    def for_all(self):
+        """Those names that are for more than slots and pockets."""
+        return tuple(name for name in self.spare if name != FOR_SLOTS)
 
 
 def build(order, say=lambda text: None):
@@ -171,7 +182,7 @@ def _with_cutters(order, work, step, shape, off, say):
     Args:
         step: file of the solid, in the work folder.   shape, off: as for `_programmed`.
     """
-    before = []             # orders to go back to: where a face was left, then where a gap was
+    before = []             # orders to go back to, the last first: where a face was left, then where a gap was
     while True:
         there, smaller = set(work.iterdir()), ()
         try:
@@ -179,15 +190,17 @@ def _with_cutters(order, work, step, shape, off, say):
             if result.is_ok or not before or before[-1].leaves == FACES and {f.kind for f in result.findings} <= LEFT:
                 return result
         except (CamError, _FaceLeft) as left:
-            smaller = order.spare if isinstance(left, (CutterDoesNotFit, _FaceLeft)) else ()
+            smaller = left.spare if isinstance(left, _FaceLeft) else ()
+            if isinstance(left, CutterDoesNotFit) and order.for_all:
+                smaller = order.spare
             if not smaller and not before:
                 raise
-            if isinstance(left, _FaceLeft) and not (before and before[-1].leaves in (left.what, GAPS)):
+            if isinstance(left, _FaceLeft):
                 before.append(replace(order, leaves=left.what))
         _leave_only(work, there)
         if smaller:
             say(f"{order.design.name}: the cutters do not get everywhere; planned again with smaller ones beside them")
-            order = replace(order, library=order.smaller, spare=smaller[1:])
+            order = replace(order, library=replace(order, spare=smaller).smaller, spare=smaller[1:])
         else:
             say(f"{order.design.name}: smaller cutters do no better; planned again without them, what is left listed")
             order = before.pop()
@@ -196,10 +209,10 @@ def _with_cutters(order, work, step, shape, off, say):
 class _FaceLeft(Exception):
     """Of what a setup names something is not cut, and there are spare cutters."""
 
-    def __init__(self, what):
-        """what: FACES, most of one; GAPS beside what is cut."""
+    def __init__(self, what, spare):
+        """what: FACES, most of one; GAPS beside what is cut.   spare: names of the libraries from the first on that gets there."""
         super().__init__(what)
-        self.what = what
+        self.what, self.spare = what, spare
 
 
 def _programmed(order, work, inputs, shape, off, say):
@@ -382,10 +395,7 @@ class _Trial:
         for number in range(1, mending.OWN_ROUNDS + 1 if any(p.is_mended for p in own) else 1):
             first = self.begun(job)
             if number == 1 and self.order.spare and "face_not_cut" not in self.order.accepted:
-                if self.order.leaves != FACES and first.first.leaves_faces:
-                    raise _FaceLeft(FACES)
-                if not self.order.leaves and first.first.leaves_gaps:
-                    raise _FaceLeft(GAPS)
+                self._ask_for_smaller(own, first.first)
             share = 1.0 - mending.MARGIN
             deep = first.first.gouges_mm(share * finish.gouge_mm)
             wants = [mending.wants_of(found, finish, mm, share) for (found, _), mm in zip(first.first.residuals, deep)]
@@ -403,6 +413,18 @@ class _Trial:
         first, by_name = None, {p.setup.name: p for p in own}
         plans = with_copies([by_name.get(p.setup.name, p) for p in plans])
         return plans, self.posted(plans, instead_of=job), None
+
+    def _ask_for_smaller(self, plans, look):
+        """
+        Raises:
+            _FaceLeft: what the plans leave, by verdict.FirstLook, one of the spare libraries gets to.
+        """
+        for what, left in ((FACES, "faces_left"), (GAPS, "gaps_left")):
+            if self.order.leaves not in (what, FACES) and any(places := getattr(look, left)):
+                libraries = self.order.all_smaller[:len(self.order.for_all)]
+                helping = first_that_helps(libraries, self.order.library, plans, places)
+                if helping is not None:
+                    raise _FaceLeft(what, self.order.spare[helping:])
 
     def _mended(self, plans, wants, number, by):
         """`mending.mended`, which takes minutes of many positions: told where there is something to mend."""

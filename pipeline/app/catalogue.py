@@ -36,6 +36,7 @@ MACHINES, LIBRARIES, WRITERS, READERS = POSTS / "machines", POSTS / "tools", POS
 DEFAULT_LIBRARY = "tools"
 SMALLER = {"small_mills": DEFAULT_LIBRARY, "small_balls": "small_mills",      # smaller cutters, and the library they stand beside
            "fine_mills": "small_balls"}
+FOR_SLOTS = "fine_mills"    # the last of them: for slots and pockets alone, never for all of a part
 SHOP = "shop."              # of a parameter that is the shop's, not the design's
 OF_A_POST = {
     "EXTENSION": (str, "the ending of its files, such as \"ngc\""),

@@ -29,7 +29,8 @@ def faces_not_cut(found, faces, ball_radius_mm, finish, left_mm, axis, distance_
     """What is not cut of such faces, in connected groups: [(k,) index into the samples].
 
     A fillet or an inner corner that comes out rounder than drawn is none: there a cutter went along both faces beside
-    it, and what it leaves is less than its radius.  Nor is the flat bottom of a hole that keeps the point of its drill.
+    it, and what it leaves is less than its radius; a wall of which nothing is cut, and which faces another across less than two
+    of them, is no corner.  Nor is the flat bottom of a hole that keeps the point of its drill.
 
     Args:
         found: residuals.Residuals of the faces after all setups.   faces: brep.Face values that its samples speak of.
@@ -38,7 +39,7 @@ def faces_not_cut(found, faces, ball_radius_mm, finish, left_mm, axis, distance_
         distance_mm: function of points (n, 3) to their distances (n,) from all that is cut away.
     """
     samples, d = found.samples, found.deviation_mm
-    missed = np.zeros(len(samples), bool)
+    missed, in_gap = np.zeros(len(samples), bool), _between_walls(found, ball_radius_mm, finish, axis)
     for k, face in enumerate(faces):
         rows = np.flatnonzero((samples.face == k) & ~found.is_top)
         area, off = samples.weight_mm2[rows].sum(), rows[~found.is_reachable[rows]]
@@ -53,22 +54,21 @@ def faces_not_cut(found, faces, ball_radius_mm, finish, left_mm, axis, distance_
         high = distance_mm(samples.points_mm[off]) if is_wall and not is_round else d[off]
         stands = min(ball_radius_mm, LIMIT_MM) if is_wall or is_round else MISSED * allowed_mm(finish)
         left = off[high >= stands]
+        if samples.weight_mm2[off].sum() >= ROUND * area and samples.weight_mm2[off[in_gap[off]]].sum() >= OTHER * area:
+            left = off
         missed[left] = samples.weight_mm2[left].sum() >= least
     return found.groups(missed)
 
 
-def has_gaps(found, faces, ball_radius_mm, finish, axis):
-    """Whether a gap is left for which every cutter was too wide: between upright walls, or in a floor of which most may be cut.
+def gaps(found, faces, ball_radius_mm, finish, axis):
+    """Gaps for which every cutter was too wide, between upright walls, or in a floor of which most may be cut, in connected groups:
+    [(k,) index into the samples].
 
     Args:
         as for `faces_not_cut`.
     """
-    samples, high = found.samples, found.deviation_mm > MISSED * allowed_mm(finish)
-    is_left = high & (found.reach == TOO_NARROW) & ~found.is_top
-    upright = np.flatnonzero(is_left & (np.abs(fixed.matmul(samples.normals, np.asarray(axis))) < SQUARE))
-    facing = between_walls(samples.points_mm[upright], samples.normals[upright], 2.0 * ball_radius_mm, found.spacing_mm)
-    if samples.weight_mm2[upright[facing]].sum() >= MISSED_MM2:
-        return True
+    samples, is_left, in_gap = found.samples, _is_left(found, finish), _between_walls(found, ball_radius_mm, finish, axis)
+    in_gap &= samples.weight_mm2[in_gap].sum() >= MISSED_MM2
     for k, face in enumerate(faces):
         if face.kind != "plane" or float((face.middle.normal[0] * axis).sum()) < UPWARD:
             continue
@@ -76,6 +76,20 @@ def has_gaps(found, faces, ball_radius_mm, finish, axis):
         if samples.weight_mm2[left].sum() < MISSED_MM2 or not len(near):
             continue
         away = cKDTree(samples.points_mm[near]).query(samples.points_mm[left])[0]
-        if samples.weight_mm2[left[away > GAP_RADII * ball_radius_mm]].sum() >= MISSED_MM2:
-            return True
-    return False
+        far = left[away > GAP_RADII * ball_radius_mm]
+        in_gap[far] |= samples.weight_mm2[far].sum() >= MISSED_MM2
+    return found.groups(in_gap)
+
+
+def _is_left(found, finish):
+    """(n,) bool: stands, for no cutter was narrow enough."""
+    return (found.deviation_mm > MISSED * allowed_mm(finish)) & (found.reach == TOO_NARROW) & ~found.is_top
+
+
+def _between_walls(found, ball_radius_mm, finish, axis):
+    """(n,) bool: the same on upright walls which face each other across less than the smallest ball is wide."""
+    samples, between = found.samples, np.zeros(len(found.samples), bool)
+    rows = np.flatnonzero(_is_left(found, finish) & (np.abs(fixed.matmul(samples.normals, np.asarray(axis))) < SQUARE))
+    facing = between_walls(samples.points_mm[rows], samples.normals[rows], 2.0 * ball_radius_mm, found.spacing_mm)
+    between[rows[facing]] = True
+    return between

@@ -12,8 +12,8 @@ from cuspline.verification.certificate import gouges_beyond
 from cuspline.verification.reach import AT_FOOT, DOWNWARD
 
 NOISE_MM = 1e-6           # a tolerance is exceeded only by more than this
-SMALLER = ("a ball, between upright walls a flat one narrower than they are apart (`cuspline cutters small_balls` lists some down "
-           "to 2 mm)")
+SMALLER = ("a ball, between upright walls a flat one narrower than they are apart (`cuspline cutters fine_mills` lists balls "
+           "down to 2 mm and flat ones down to 1 mm)")
 EXCESS_ADVICE = ("lower `scallop_mm` of the setup's operation for closer passes, or add a smaller cutter to the file of "
                  f"--cutters: {SMALLER}")
 MISSING_ADVICE = ("give its face to an operation of the setup (`faces`), or add a cutter to the file of --cutters that "

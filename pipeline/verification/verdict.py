@@ -30,7 +30,7 @@ from cuspline.verification.certificate import Certificate, certify, solid_in_wcs
 from cuspline.verification.climbing import Ground
 from cuspline.verification.cusps import Cusps, SampledStock, measured_cusps
 from cuspline.verification.excess_proof import ExcessProof, is_bare, prove_excess
-from cuspline.verification.faces_not_cut import faces_not_cut, has_gaps, point_left_mm
+from cuspline.verification.faces_not_cut import faces_not_cut, gaps, point_left_mm
 from cuspline.verification.in_process import PART
 from cuspline.verification.process_findings import process_of
 from cuspline.verification.reach import DOWNWARD, REACHABLE, drop_mesh, upper
@@ -253,16 +253,17 @@ class FirstLook:
         return tuple(_excess_proof(self.part, c, found, self.judging.say) for c, (found, _) in zip(self.clampings, self.residuals))
 
     @property
-    def leaves_faces(self):
-        """Whether most of a face that a setup names, and that looks up at its tools, is not cut."""
-        left = (found.reach[group] for c, (found, _) in zip(self.clampings, self.residuals)
-                for group in _not_cut(self.part, c, found, self.judging.tools))
-        return any((reach != DOWNWARD).any() for reach in left)
+    def faces_left(self):
+        """Of every program what is not cut of faces that its setup names and that look up at its tools, most of each:
+        [(points (n, 3), normals (n, 3)) of a connected place, part coordinates]."""
+        return [_places(found, [group for group in _not_cut(self.part, c, found, self.judging.tools)
+                                if (found.reach[group] != DOWNWARD).any()])
+                for c, (found, _) in zip(self.clampings, self.residuals)]
 
     @property
-    def leaves_gaps(self):
-        """Whether a gap in a floor, most of which is cut, is too narrow for the cutters."""
-        return any(_has_gaps(self.part, c, found) for c, (found, _) in zip(self.clampings, self.residuals))
+    def gaps_left(self):
+        """The same of gaps beside what is cut."""
+        return [_places(found, _gaps(self.part, c, found)) for c, (found, _) in zip(self.clampings, self.residuals)]
 
     def gouges_mm(self, limit_mm):
         """Deepest gouge of every program, [mm]: what its samples show; where that is beyond a limit, along the nearest way of some.
@@ -548,10 +549,14 @@ def _not_cut(part, c, found, tools):
                          part.piece.cut_distance_mm)
 
 
-def _has_gaps(part, c, found):
-    """See faces_not_cut.has_gaps, of clamping c's faces."""
+def _places(found, groups):
+    return [(found.samples.points_mm[group], found.samples.normals[group]) for group in groups]
+
+
+def _gaps(part, c, found):
+    """See faces_not_cut.gaps, of clamping c's faces."""
     faces = _looked_at(part.solid).faces
-    return has_gaps(found, [faces[i] for i in c.required], part.ball_radius_mm, part.finish, c.program.setup.frame.rotation[:, 2])
+    return gaps(found, [faces[i] for i in c.required], part.ball_radius_mm, part.finish, c.program.setup.frame.rotation[:, 2])
 
 
 def _idle(part, c, own, history, tools):

@@ -65,7 +65,7 @@ def test_where_no_cutters_are_named_smaller_ones_than_the_usual_are_taken_for_a_
     _, result = Request(design=design, stage="plan", out=tmp_path / "groove").built(told.append)
     operations = json.loads((result.folder / "plan.json").read_text())["setups"][0]["operations"]
     assert {o["tool"]["name"] for o in operations} == {"ball 2 mm"}
-    assert sum("planned again with smaller ones" in line for line in told) == 2     # not by the finest flat ones
+    assert sum("planned again with smaller ones" in line for line in told) == 2     # not by flat ones for slots alone
     with pytest.raises(CutterDoesNotFit, match="narrower than the smallest, radius 2.000 mm"):
         Request(design=design, stage="plan", cutters="tools", out=tmp_path / "groove").built()
 
@@ -80,8 +80,8 @@ def test_smaller_cutters_that_were_taken_for_a_gap_alone_are_given_up_where_some
         assert not (work / "plan.json").exists()
         (work / "plan.json").write_text("{}")
         tried.append(order)
-        if order.spare and not order.leaves:
-            raise build_stages._FaceLeft(build_stages.GAPS)
+        if order.for_all and not order.leaves:
+            raise build_stages._FaceLeft(build_stages.GAPS, order.spare)
         if is_refused and not order.leaves:
             raise PlanError("the smallest breaks")
         return Result(folder=work, is_ok=bool(order.leaves), findings=())
@@ -89,10 +89,10 @@ def test_smaller_cutters_that_were_taken_for_a_gap_alone_are_given_up_where_some
     monkeypatch.setattr(build_stages, "_programmed", programmed)
     _, result = Request(design=two_sided(), stage="plan", out=tmp_path / "part").built(told.append)
     usual, *_, smallest, again = tried
-    assert len(tried) == 5 and result.is_ok and usual.spare and not smallest.spare and not usual.leaves
-    assert (again.library, again.spare, again.leaves) == (usual.library, usual.spare, build_stages.GAPS)
+    assert len(tried) == 4 and result.is_ok and usual.for_all and not smallest.for_all and not usual.leaves
+    assert (again.library, again.spare, again.leaves) == (tried[1].library, tried[1].spare, build_stages.GAPS)
     assert [line.split("planned again ")[1].split(",")[0] for line in told if "planned again" in line] == [
-        "with smaller ones beside them"] * 3 + ["without them"]
+        "with smaller ones beside them"] * 2 + ["without them"]
 
 
 def finding_of(kind):
@@ -106,8 +106,8 @@ def test_smaller_cutters_that_were_taken_for_a_face_are_given_up_where_more_is_w
 
     def programmed(order, work, *_):
         tried.append(order)
-        if order.spare and not order.leaves:
-            raise build_stages._FaceLeft(build_stages.FACES)
+        if order.for_all and not order.leaves:
+            raise build_stages._FaceLeft(build_stages.FACES, order.spare)
         kept = ("face_not_cut",) if order.leaves else kinds
         return Result(folder=work, is_ok=False, findings=tuple(map(finding_of, kept)))
 
@@ -117,21 +117,20 @@ def test_smaller_cutters_that_were_taken_for_a_face_are_given_up_where_more_is_w
     assert tried[-1].leaves == ("" if is_kept else build_stages.FACES)
 
 
-@pytest.mark.parametrize("gap_by", [1, 2])
-def test_where_smaller_cutters_cut_a_face_and_leave_a_gap_these_are_gone_back_to(gap_by, tmp_path, monkeypatch):
-    """The last cutters break; the gap was left by those before the last, the face by those before these."""
+def test_where_smaller_cutters_cut_a_face_and_leave_a_gap_these_are_gone_back_to(tmp_path, monkeypatch):
+    """The last cutters break; the gap was left by those before them, the face by the usual ones."""
     tried = []
 
     def programmed(order, work, *_):
         tried.append(order)
-        left = [build_stages.FACES] * gap_by + [build_stages.GAPS] * 3
-        if order.spare and not order.leaves:
-            raise build_stages._FaceLeft(left[len(tried) - 1])
+        left = [build_stages.FACES, build_stages.GAPS]
+        if order.for_all and not order.leaves:
+            raise build_stages._FaceLeft(left[len(tried) - 1], order.spare)
         return Result(folder=work, is_ok=bool(order.leaves), findings=(finding_of("overload"),))
 
     monkeypatch.setattr(build_stages, "_programmed", programmed)
     _, result = Request(design=two_sided(), stage="plan", out=tmp_path / "part").built()
-    assert result.is_ok and (tried[-1].library, tried[-1].leaves) == (tried[gap_by].library, build_stages.GAPS)
+    assert result.is_ok and (tried[-1].library, tried[-1].leaves) == (tried[1].library, build_stages.GAPS)
 
 
 def test_several_solids_and_an_open_shell_are_refused_by_name():

@@ -13,7 +13,7 @@ INCH = [(tool.cutter, name) for tool in LIBRARIES["inch_mills"].tools if (name :
 
 
 def test_there_are_libraries_in_millimetres_and_in_inches():
-    assert {"tools", "small_mills", "small_balls", "inch_mills"} <= set(LIBRARIES)
+    assert {"tools", "small_mills", "small_balls", "fine_mills", "inch_mills"} <= set(LIBRARIES)
 
 
 def test_each_library_of_smaller_cutters_has_what_the_one_before_has():

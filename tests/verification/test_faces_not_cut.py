@@ -8,7 +8,7 @@ from known_programs import program, rapid, raster, tool
 from cuspline.design import Finish, Setup, StockBox
 from cuspline.kernel import brep
 from cuspline.surfaces.holes import holes_of
-from cuspline.verification.faces_not_cut import has_gaps, point_left_mm
+from cuspline.verification.faces_not_cut import gaps, point_left_mm
 from cuspline.verification.verdict import Options, verify_setup
 
 FINISH = Finish(scallop_mm=0.010, profile_tolerance_mm=0.002, gouge_mm=0.003)
@@ -40,7 +40,7 @@ def inside(n, p):
 def test_a_slot_narrower_than_every_cutter_is_told_with_its_area(width, depth):
     told, = verdict(slot(width, depth), inside).findings
     assert told.kind == "face_not_cut" and told.is_at_least
-    assert f"over {20 * width:.0f} mm²" in told.advice and "narrow enough" in told.advice
+    assert f"over {20 * (width + 2 * depth):.0f} mm²" in told.advice and "narrow enough" in told.advice
     assert abs(told.place_mm[1] - 8) < width / 2 + 1e-6 and told.place_mm[2] > 10 - depth - 1e-6
 
 
@@ -101,7 +101,7 @@ def test_a_gap_in_a_step_is_known_from_a_foot_beside_what_was_not_cut(width, is_
     floor = lambda n, p: n[2] > 0.5 and p[2] < 7.5
     found = verdict(part, floor, radius=BALL_MM, ys=np.arange(-0.3, 2.8, 0.3), z=7.0).residuals
     faces = [f for f in brep.faces_of(brep.the_solid(part)) if floor(f.middle.normal[0], f.middle.point_mm[0])]
-    assert len(faces) == 1 and has_gaps(found, faces, BALL_MM, FINISH, np.array([0, 0, 1.0])) is is_gap
+    assert len(faces) == 1 and bool(gaps(found, faces, BALL_MM, FINISH, np.array([0, 0, 1.0]))) is is_gap
 
 
 @pytest.mark.parametrize("width, is_gap", [(2.6, True), (6.4, False)])
@@ -112,6 +112,8 @@ def test_a_keyway_that_no_cutter_enters_is_a_gap_and_no_inner_corner(width, is_g
     wall = lambda n, p: abs(n[2]) < 0.5 and 4 < p[1] < 13.6 and p[2] > 7
     found = verdict(part, wall, radius=BALL_MM, ys=np.arange(4 + BALL_MM, 12 - BALL_MM + 1e-9, 0.25), z=7.0)
     faces = [f for f in brep.faces_of(brep.the_solid(part)) if wall(f.middle.normal[0], f.middle.point_mm[0])]
-    assert has_gaps(found.residuals, faces, BALL_MM, FINISH, np.array([0, 0, 1.0])) is is_gap
+    assert bool(gaps(found.residuals, faces, BALL_MM, FINISH, np.array([0, 0, 1.0]))) is is_gap
+    walls = [f for f in found.findings if f.kind == "face_not_cut" and f.place_mm[1] > 12]
+    assert bool(walls) is is_gap
     keyway = [row for row in found.as_dict()["unreachable"] if row["max_mm"][1] > 12.5 and row["area_mm2"] > 1.0]
     assert not is_gap or (keyway and all("stays_radius_mm" not in row for row in keyway))

@@ -1,0 +1,48 @@
+"""Which library of smaller cutters gets to what the cutters of a plan leave: the planner's own first look says what that is.
+
+To plan with a library takes tens of seconds; whether one of its cutters gets to a place, milliseconds.
+"""
+
+import numpy as np
+
+from cuspline.planning.cutter_choice import cutter_reach
+from cuspline.surfaces.curvature import FaceSamples
+
+ENOUGH = 0.2                # of a connected place, that one cutter gets to
+ASKED = 2000                # samples of one place, about
+DRIVEN = "flat", "bull_nose", "ball", "drill"       # a drill gets to a wall of its own radius as a flat cutter does
+
+
+def first_that_helps(libraries, had, plans, left):
+    """Index of the first library with a cutter that gets to enough of a place that is left; None: there is none.
+
+    Args:
+        libraries: ToolLibrary values, each with the tools of the one before.   had: the ToolLibrary of the plans.
+        plans: SetupPlan values.
+        left: of every plan [(points (n, 3) mm, normals (n, 3)) of a place, part coordinates].
+    """
+    numbers = {t.number for t in had.tools}
+    for k, library in enumerate(libraries):
+        new = [t for t in library.tools if t.number not in numbers and t.cutter.type in DRIVEN]
+        if any(_gets_there(plan.context, new, *place) for plan, places in zip(plans, left) for place in places):
+            return k
+        numbers |= {t.number for t in library.tools}
+    return None
+
+
+def _gets_there(work, tools, points_mm, normals):
+    """Whether one of some Tools gets to enough of a place, its neck and holder clear."""
+    every = slice(None, None, max(1, len(points_mm) // ASKED))
+    samples = _samples(work.setup.turn.into(points_mm[every]), work.setup.turn.turn_into(normals[every]))
+    for tool in tools:
+        reach = cutter_reach(samples, work.mesh, tool.cutter)
+        clear = work.missing_mm(tool, reach.tip_mm[reach.is_reached]) <= 0.0 if reach.is_reached.any() else np.zeros(0)
+        if np.sum(clear) >= ENOUGH * len(samples.area_mm2):
+            return True
+    return False
+
+
+def _samples(points_mm, normals):
+    nothing = np.zeros(len(points_mm))
+    return FaceSamples(point_mm=points_mm, normal=normals, hollow_per_mm=nothing, across_per_mm=nothing, area_mm2=nothing,
+                       face=nothing.astype(int))
