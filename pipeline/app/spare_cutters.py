@@ -10,7 +10,9 @@ from cuspline.surfaces.curvature import FaceSamples
 
 ENOUGH = 0.2                # of a connected place, that one cutter gets to
 ASKED = 2000                # samples of one place, about
-DRIVEN = "flat", "bull_nose", "ball", "drill"       # a drill gets to a wall of its own radius as a flat cutter does
+ASKED_OF = "flat", "bull_nose", "ball", "drill"
+ROUND_MM = 0.05             # a drill larger by this does not go in where a drill makes the wall
+UPRIGHT = 1e-6              # of a unit normal's z
 
 
 def first_that_helps(libraries, had, plans, left):
@@ -23,7 +25,7 @@ def first_that_helps(libraries, had, plans, left):
     """
     numbers = {t.number for t in had.tools}
     for k, library in enumerate(libraries):
-        new = [t for t in library.tools if t.number not in numbers and t.cutter.type in DRIVEN]
+        new = [t for t in library.tools if t.number not in numbers and t.cutter.type in ASKED_OF]
         if any(_gets_there(plan.context, new, *place) for plan, places in zip(plans, left) for place in places):
             return k
         numbers |= {t.number for t in library.tools}
@@ -36,10 +38,19 @@ def _gets_there(work, tools, points_mm, normals):
     samples = _samples(work.setup.turn.into(points_mm[every]), work.setup.turn.turn_into(normals[every]))
     for tool in tools:
         reach = cutter_reach(samples, work.mesh, tool.cutter)
-        clear = work.missing_mm(tool, reach.tip_mm[reach.is_reached]) <= 0.0 if reach.is_reached.any() else np.zeros(0)
-        if np.sum(clear) >= ENOUGH * len(samples.area_mm2):
+        touched = reach.is_reached & _is_driven(samples, work.mesh, tool.cutter)
+        clear = work.missing_mm(tool, reach.tip_mm[touched]) <= 0.0 if touched.any() else np.zeros(0)
+        if np.sum(clear) >= ENOUGH * len(touched):
             return True
     return False
+
+
+def _is_driven(samples, mesh, cutter):
+    """(n,) bool: places that a cutter makes where it touches them; a drill only walls between which a larger one does not go."""
+    if cutter.type != "drill":
+        return np.ones(len(samples.normal), bool)
+    larger = cutter.model_copy(update={"diameter_mm": cutter.diameter_mm + 2 * ROUND_MM})
+    return (np.abs(samples.normal[:, 2]) < UPRIGHT) & ~cutter_reach(samples, mesh, larger).is_reached
 
 
 def _samples(points_mm, normals):
