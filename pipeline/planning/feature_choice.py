@@ -13,7 +13,7 @@ import numpy as np
 from cuspline.planning.boring import borable_faces
 from cuspline.planning.context import path_tolerance_mm
 from cuspline.planning.contouring import CURVE_SHARE
-from cuspline.planning.drilling import drillable_faces
+from cuspline.planning.drilling import drillable_faces, upright_holes
 from cuspline.planning.level_finishing import UPRIGHT, is_level
 from cuspline.planning.pocketing import NARROWER_MM
 from cuspline.planning.reaming import reamable_faces
@@ -112,32 +112,40 @@ def is_prismatic(work):
 
 def pockets_made(work, made, but=()):
     """The same Featured with slots, then pockets, of upright walls, deepest last, by smaller cutters where the usual ones do not
-    get in; what neither can do stays for others.  `but`: indices of faces that wait."""
+    get in, as holes that no drill makes; what neither can do stays for others.  `but`: indices of faces that wait."""
     made = _pockets_made(work, made, but)
     for one in work.with_smaller:
         if set(made.left(work)) <= set(but):
             break
-        more = _pockets_made(one, made, but)
+        more = _pockets_made(one, _bored(one, made, but), but)
         made = more if more.operations != made.operations else made
     return made
 
 
 def sunk_faces(work, left):
-    """Indices of faces of slots and pockets over whose rims more stands than they are deep, and of those let into them; [] where
-    nothing else is left.
+    """Indices of faces of slots, pockets and holes over whose rims more stands than they are deep, and of those let into them; []
+    where nothing else is left.
 
     What stands there is cleared first: a cutter narrow enough for them would go through it in a gap as narrow, its shank behind it.
     """
     features, sunk = _cleared_features(work, set(left)), set()
-    floors = {f.faces[0] for f in features}
-    for feature in features:                        # highest first
-        floor = work.samples.point_mm[work.samples.face == feature.faces[0]]
-        around = {n.index for i in feature.faces for n in work.neighbours[i]} & floors - set(feature.faces)
-        let_into = [k for k in around if _height_mm(work, k) > _height_mm(work, feature.faces[0])]
-        above = work.stock_mm(floor[:, :2]) - floor[:, 2] - feature.size_mm
-        if sunk & set(let_into) or not let_into and above.max(initial=0.0) > max(feature.size_mm, SUNK_MM):
-            sunk.update(feature.faces)
+    hollows = [(f.faces, _height_mm(work, f.faces[0]), f.size_mm) for f in features]
+    hollows += [((*h.faces, *h.floor), float(h.mouth_mm[2]) - h.depth_mm, h.depth_mm) for h in upright_holes(work)
+                if set(h.faces) <= set(left)]
+    floors = {f.faces[0]: _height_mm(work, f.faces[0]) for f in features}
+    for faces, low_mm, deep_mm in sorted(hollows, key=lambda row: (-row[1], row[0])):
+        around = {n.index for i in faces for n in work.neighbours[i]} - set(faces)
+        let_into = {k for k in around if floors.get(k, -math.inf) > low_mm}
+        over = work.samples.point_mm[np.isin(work.samples.face, faces), :2]
+        above_mm = float(work.stock_mm(over).max(initial=-math.inf)) - low_mm - deep_mm
+        if sunk & let_into or not let_into and above_mm > max(deep_mm, SUNK_MM):
+            sunk.update(set(faces) & set(left))
     return sorted(sunk) if sunk < set(left) else []
+
+
+def _bored(work, made, but):
+    bored, _ = borable_faces(work, Bore(), [i for i in made.left(work) if i not in set(but)])
+    return tried(work, made, Bore(), bored)[0] if bored else made
 
 
 def _pockets_made(work, made, but):

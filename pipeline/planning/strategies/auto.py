@@ -136,14 +136,17 @@ class Auto(Finishing):
         return after or self._with_outline(work, made)
 
     def _sunk_made(self, work, made, sunk):
-        """The same with all others, then slots and pockets that are sunk under them; None: not all of these are made then."""
+        """The same with all others, then those slots, pockets and holes sunk under them that can be made; None: none of them can."""
         before = self._with_outline(work, replace(made, taken=(*made.taken, *sunk)))
         others = before.left(work)
         if others:
             shaped, rows = self._shaped(work.on(self, others, [*work.planned, *before.operations]))
             before = before.with_made(shaped, others, rows)
         after = pockets_made(work, replace(before, taken=tuple(i for i in before.taken if i not in set(sunk))))
-        return after if set(sunk) <= set(after.taken) else None
+        done = [i for i in sunk if i in set(after.taken)]
+        if len(done) == len(sunk):
+            return after
+        return self._sunk_made(work, made, done) if done else None
 
     def _with_outline(self, work, made):
         """The same with what is not upright shaped, and walls that stand on nothing contoured after it, where there are both."""
