@@ -113,7 +113,7 @@ def _bored(work, bore):
     why = []
     for tool in sorted(work.tools("flat"), key=lambda t: -t.cutter.radius_mm):
         cutter = tool.cutter
-        last = bore.radius_mm - cutter.radius_mm - left_mm(work)
+        last = bore.radius_mm - cutter.radius_mm - left_mm(work, cutter)
         if cutter.radius_mm > ROOM_SHARE * bore.radius_mm or last <= 0:
             why.append(f"T{tool.number} is too large")
             continue
@@ -148,7 +148,7 @@ def _roughed(work, bores, name):
     stepdown = min(work.stepdown_mm(tool), SLOT_SHARE * cutter.deepest_slot_mm)
     made, count = [], 0
     for one in bores:
-        rings = _rings(work, tool, one.path_radius_mm - left_mm(work))
+        rings = _rings(work, tool, one.path_radius_mm - left_mm(work, cutter))
         standing = [stock_over(work, one.path(r).places(LOOK_SHARE * cutter.radius_mm), cutter.radius_mm).max() for r in rings]
         for radius, top in zip(rings, standing):
             if top > one.bottom_mm + STANDS_MM:
@@ -156,7 +156,7 @@ def _roughed(work, bores, name):
                 count += 1
     if not made:
         return None
-    facts = {"allowance_mm": left_mm(work), "stepdown_mm": round(stepdown, 6), "holes": len(bores), "helices": count,
+    facts = {"allowance_mm": left_mm(work, cutter), "stepdown_mm": round(stepdown, 6), "holes": len(bores), "helices": count,
              "candidates": []}
     return work.measured(f"{name} rough", tool, rpm, Moves.joined(made), facts)
 
@@ -170,9 +170,10 @@ def _finished(work, bores, name):
         path = one.path(one.path_radius_mm)
         elements, leads = closed_leads(work, tool, path, one.bottom_mm)
         way = (elements * (1 + work.operation.spring_passes), leads)
-        for z in finish_heights_mm(tool.cutter, path, left_mm(work), (max(one.bore.high_z_mm, one.top_mm), one.bottom_mm)):
+        heights = max(one.bore.high_z_mm, one.top_mm), one.bottom_mm
+        for z in finish_heights_mm(tool.cutter, path, left_mm(work, tool.cutter), heights):
             made.append(one_pass(work, way, tool.cutter.radius_mm, z, feed))
     facts = {"holes": len(bores), "diameters_mm": sorted({round(2 * b.bore.radius_mm, 6) for b in bores}),
-             "bottoms_mm": sorted({round(b.bottom_mm, 6) for b in bores}), "finish_allowance_mm": left_mm(work),
+             "bottoms_mm": sorted({round(b.bottom_mm, 6) for b in bores}), "finish_allowance_mm": left_mm(work, tool.cutter),
              "spring_passes": work.operation.spring_passes, "candidates": []}
     return work.measured(name, tool, rpm, Moves.joined(made), facts)

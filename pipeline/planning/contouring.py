@@ -38,6 +38,7 @@ FINISH_SHARE = 0.6          # of it, that finishing takes: the arc in meets half
 HIGHS = (1.0, 0.5, 0.25)    # of the lead radius: how high above the path the cutter comes down
 QUARTERS = (1.0, 0.5, 0.2, 0.05)    # of the lead radius: quarter circles on which the control begins beside a contour
 FARTHER = (0.0, 1.0, 2.0, 3.0)      # diameters beyond the ends of an open chain where it may come down
+FINE_MM = 3.0               # wide cutters leave their finishing pass the shop's allowance, narrower ones less in proportion
 SHARES = (1.0, 0.5, 0.2, 0.05)      # of what the finishing pass takes off, in corners too tight for all of it
 WORN_MM = 0.1               # by which the radius in the D register may be smaller than the cutter's own
 BETWEEN = 60                # places along a chain with tabs that are looked at for its leads
@@ -114,7 +115,7 @@ def _roughed(work, tool, sections, tabs):
                 made.append(lay(work, tool, path, (top, section.low_mm), (stepdown, feed), overs))
     if not made:
         return None
-    facts = {"allowance_mm": round(operation.allowance_mm + left_mm(work), 6), "stepdown_mm": round(stepdown, 6),
+    facts = {"allowance_mm": round(operation.allowance_mm + left_mm(work, cutter), 6), "stepdown_mm": round(stepdown, 6),
              "chains": len(made), "candidates": []}
     return work.measured(f"{operation.title} rough", tool, rpm, Moves.joined(made), facts)
 
@@ -130,7 +131,7 @@ def _rough_path(work, chain, cutter):
     """
     for share in SHARES:
         try:
-            path = _offset(work, chain, cutter.radius_mm + work.operation.allowance_mm + share * left_mm(work))
+            path = _offset(work, chain, cutter.radius_mm + work.operation.allowance_mm + share * left_mm(work, cutter))
             break
         except CutterDoesNotFit:
             if share == SHARES[-1]:
@@ -141,17 +142,17 @@ def _rough_path(work, chain, cutter):
 
 def _is_thick(work, chain, cutter, low_mm):
     """Whether more stands beside a wall than its finishing pass takes: a slot hardly wider than its cutter has left less."""
-    inward = cutter.radius_mm - left_mm(work)
+    inward = cutter.radius_mm - left_mm(work, cutter)
     if inward <= 0.0:
         return True
     path = _offset(work, chain, cutter.radius_mm + work.operation.allowance_mm)
     return float(stock_over(work, path.places(LOOK_SHARE * cutter.radius_mm), inward).max()) > low_mm + STANDS_MM
 
 
-def left_mm(work):
-    """What the finishing pass takes off."""
+def left_mm(work, cutter):
+    """What the finishing pass takes off: of a fine cutter's width no greater a share than of one of FINE_MM."""
     asked = work.operation.finish_allowance_mm
-    return work.practice.rough_allowance_mm if asked is None else asked
+    return work.practice.rough_allowance_mm * min(1.0, cutter.diameter_mm / FINE_MM) if asked is None else asked
 
 
 def finish_heights_mm(cutter, path, taken_mm, heights_mm):
@@ -165,6 +166,8 @@ def finish_heights_mm(cutter, path, taken_mm, heights_mm):
     width = widest_cut_mm(path, cutter.radius_mm, taken_mm, cutter.diameter_mm / 2)
     deepest = min(TERRACE_SHARE * cutter.flute_length_mm,
                   FINISH_SHARE * cutter.deepest_slot_mm * cutter.diameter_mm / width if width > 0 else math.inf)
+    if cutter.diameter_mm < FINE_MM:            # in a sharp corner what is left for it stands as wide as it is
+        deepest = min(deepest, SLOT_SHARE * cutter.deepest_slot_mm)
     count = max(1, math.ceil((high - low) / deepest - 1e-9))
     return np.linspace(high, low, count + 1)[1:].tolist()
 
@@ -243,20 +246,20 @@ def _finished(work, tool, candidates, sections, tabs):
             path = _offset(work, chain, away)
             length += path.length_mm
             refuse_blocked(work, tool, path, section.low_mm)
-            heights = finish_heights_mm(cutter, path, left_mm(work) / (operation.finish_passes or 1),
-                                        (section.high_mm, section.low_mm))
+            heights = finish_heights_mm(cutter, path, left_mm(work, cutter) / (operation.finish_passes or 1),
+                                        (_top_mm(work, cutter, path, section), section.low_mm))
             levels |= {round(z, 6) for z in heights}
             if id(chain) in tabs and section is sections[-1]:
                 made += _passes_over(work, tool, tabs[id(chain)], (section.low_mm, heights), feed)
                 continue
-            for path, rounds in [*((_offset(work, chain, away + more), 1) for more in _shares_mm(work)),
+            for path, rounds in [*((_offset(work, chain, away + more), 1) for more in _shares_mm(work, cutter)),
                                  (path, 1 + operation.spring_passes)]:
                 elements, leads = (closed_leads if path.is_closed else _open_leads)(work, tool, path, section.low_mm)
                 again = elements * rounds if path.is_closed else elements
                 for z in (z for z in heights for _ in range(1 if path.is_closed else rounds)):
                     made.append(one_pass(work, (again, leads), cutter.radius_mm, z, feed))
                     runs.append(((*leads.way_in, *again, *leads.way_out), z))
-    facts = {"allowance_mm": operation.allowance_mm, "finish_allowance_mm": left_mm(work),
+    facts = {"allowance_mm": operation.allowance_mm, "finish_allowance_mm": left_mm(work, cutter),
              "heights_mm": sorted(levels, reverse=True), "chains": sum(len(s.chains) for s in sections),
              "contour_mm": round(length, 3),
              "spring_passes": operation.spring_passes, "strategy": operation.kind, "candidates": [c.as_dict() for c in candidates]}
@@ -272,10 +275,17 @@ def _finished(work, tool, candidates, sections, tabs):
                    compensated=_beside(made, runs, cutter.radius_mm, worn))
 
 
-def _shares_mm(work):
+def _top_mm(work, cutter, path, section):
+    """Where the finishing passes begin: at the wall's top; a fine cutter's where the stock beside it ends."""
+    if cutter.diameter_mm >= FINE_MM:
+        return section.high_mm
+    return max(section.high_mm, float(stock_over(work, path.places(LOOK_SHARE * cutter.radius_mm), cutter.radius_mm).max()))
+
+
+def _shares_mm(work, cutter):
     """How far off the wall the finishing passes before the last run."""
     count = work.operation.finish_passes or 1
-    return [left_mm(work) * (count - k) / count for k in range(1, count)]
+    return [left_mm(work, cutter) * (count - k) / count for k in range(1, count)]
 
 
 def _passes_over(work, tool, tabbed, heights_mm, feed):
@@ -303,7 +313,7 @@ def _leads_between(work, tool, path, overs, low_mm):
     radius = work.lead_radius_mm(tool.cutter.radius_mm)
     places = [s for s in np.linspace(0.0, path.length_mm, BETWEEN, endpoint=False).tolist()
               if is_clear_of(overs, s, tool.cutter.diameter_mm) and is_clear_of(overs, s + path.length_mm, tool.cutter.diameter_mm)]
-    for high in (*(h * radius for h in HIGHS), min(left_mm(work), radius)):
+    for high in (*(h * radius for h in HIGHS), min(left_mm(work, tool.cutter), radius)):
         for along in sorted(places, key=lambda s: path.place(s)[0].center is not None):
             begun = path.begun_at(along)
             leads = _leads(work, tool, begun.elements, radius, high)
@@ -365,7 +375,7 @@ def _entered(work, leads, radius_mm, height_mm, feed):
 def closed_leads(work, tool, path, low_mm):
     """(the elements from the place where the path is met, Leads): lines first, then the longest."""
     radius = work.lead_radius_mm(tool.cutter.radius_mm)
-    arcs = [(radius, high) for high in (*(h * radius for h in HIGHS), min(left_mm(work), radius))]
+    arcs = [(radius, high) for high in (*(h * radius for h in HIGHS), min(left_mm(work, tool.cutter), radius))]
     for round_mm, high in [(h * radius, h * radius) for h in QUARTERS] if _is_shifted(work) else arcs:
         for along in path.starts_mm()[:STARTS]:
             begun = path.begun_at(along)
@@ -395,7 +405,7 @@ def _leads_in_the_cut(work, tool, path, low_mm):
     """
     first, last = path.elements[0], path.elements[-1]
     across = (first.left(0.0), last.left(last.length_mm))
-    begin, end = first.start + left_mm(work) * across[0], last.end + left_mm(work) * across[1]
+    begin, end = first.start + left_mm(work, tool.cutter) * across[0], last.end + left_mm(work, tool.cutter) * across[1]
     inside = (tool.cutter.radius_mm - WITHIN_MM) / RINGS[-1]
     if _is_shifted(work) or (stock_over(work, begin[None], inside) > low_mm + STANDS_MM).any():
         raise _no_way_in(work, tool, path, low_mm)

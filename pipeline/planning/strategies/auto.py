@@ -136,7 +136,7 @@ class Auto(Finishing):
         return after or self._with_outline(work, made)
 
     def _sunk_made(self, work, made, sunk):
-        """The same with all others, then those slots, pockets and holes sunk under them that can be made; None: none of them can."""
+        """The same with all others, then those slots, pockets and holes sunk under them that can be made; None: none can."""
         before = self._with_outline(work, replace(made, taken=(*made.taken, *sunk)))
         others = before.left(work)
         if others:
