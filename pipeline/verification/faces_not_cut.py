@@ -29,8 +29,7 @@ def faces_not_cut(found, faces, ball_radius_mm, finish, left_mm, axis, distance_
     """What is not cut of such faces, in connected groups: [(k,) index into the samples].
 
     A fillet or an inner corner that comes out rounder than drawn is none: there a cutter went along both faces beside
-    it, and what it leaves is less than its radius; a wall of which nothing is cut, and which faces another across less than two
-    of them, is no corner.  Nor is the flat bottom of a hole that keeps the point of its drill.
+    it, and what it leaves is less than its radius.  Nor is the flat bottom of a hole that keeps the point of its drill.
 
     Args:
         found: residuals.Residuals of the faces after all setups.   faces: brep.Face values that its samples speak of.
@@ -39,7 +38,7 @@ def faces_not_cut(found, faces, ball_radius_mm, finish, left_mm, axis, distance_
         distance_mm: function of points (n, 3) to their distances (n,) from all that is cut away.
     """
     samples, d = found.samples, found.deviation_mm
-    missed, in_gap = np.zeros(len(samples), bool), _between_walls(found, ball_radius_mm, finish, axis)
+    missed = np.zeros(len(samples), bool)
     for k, face in enumerate(faces):
         rows = np.flatnonzero((samples.face == k) & ~found.is_top)
         area, off = samples.weight_mm2[rows].sum(), rows[~found.is_reachable[rows]]
@@ -54,8 +53,6 @@ def faces_not_cut(found, faces, ball_radius_mm, finish, left_mm, axis, distance_
         high = distance_mm(samples.points_mm[off]) if is_wall and not is_round else d[off]
         stands = min(ball_radius_mm, LIMIT_MM) if is_wall or is_round else MISSED * allowed_mm(finish)
         left = off[high >= stands]
-        if samples.weight_mm2[off].sum() >= ROUND * area and samples.weight_mm2[off[in_gap[off]]].sum() >= OTHER * area:
-            left = off
         missed[left] = samples.weight_mm2[left].sum() >= least
     return found.groups(missed)
 

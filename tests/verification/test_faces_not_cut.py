@@ -40,7 +40,7 @@ def inside(n, p):
 def test_a_slot_narrower_than_every_cutter_is_told_with_its_area(width, depth):
     told, = verdict(slot(width, depth), inside).findings
     assert told.kind == "face_not_cut" and told.is_at_least
-    assert f"over {20 * (width + 2 * depth):.0f} mm²" in told.advice and "narrow enough" in told.advice
+    assert f"over {20 * width:.0f} mm²" in told.advice and "narrow enough" in told.advice
     assert abs(told.place_mm[1] - 8) < width / 2 + 1e-6 and told.place_mm[2] > 10 - depth - 1e-6
 
 
@@ -113,7 +113,5 @@ def test_a_keyway_that_no_cutter_enters_is_a_gap_and_no_inner_corner(width, is_g
     found = verdict(part, wall, radius=BALL_MM, ys=np.arange(4 + BALL_MM, 12 - BALL_MM + 1e-9, 0.25), z=7.0)
     faces = [f for f in brep.faces_of(brep.the_solid(part)) if wall(f.middle.normal[0], f.middle.point_mm[0])]
     assert bool(gaps(found.residuals, faces, BALL_MM, FINISH, np.array([0, 0, 1.0]))) is is_gap
-    walls = [f for f in found.findings if f.kind == "face_not_cut" and f.place_mm[1] > 12]
-    assert bool(walls) is is_gap
     keyway = [row for row in found.as_dict()["unreachable"] if row["max_mm"][1] > 12.5 and row["area_mm2"] > 1.0]
     assert not is_gap or (keyway and all("stays_radius_mm" not in row for row in keyway))
