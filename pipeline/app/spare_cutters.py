@@ -8,7 +8,7 @@ import numpy as np
 from cuspline.planning.cutter_choice import cutter_reach
 from cuspline.surfaces.curvature import FaceSamples
 
-ENOUGH = 0.2                # of a connected place, that one cutter gets to
+ENOUGH = 0.02               # of a connected place, that one cutter gets to: with balls so small less of it counts as left
 ASKED = 2000                # samples of one place, about
 ASKED_OF = "flat", "bull_nose", "ball", "drill"
 ROUND_MM = 0.05             # a drill larger by this does not go in where a drill makes the wall
