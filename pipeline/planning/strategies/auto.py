@@ -1,6 +1,7 @@
 """Auto: from the stock to the finish, all chosen by curvature: what a setup does that lists no operations."""
 
 import math
+from contextlib import suppress
 from dataclasses import replace
 from typing import Literal
 
@@ -132,8 +133,11 @@ class Auto(Finishing):
         if not self._is_free or not left:
             return made
         sunk = sunk_faces(work.on(self, left, work.planned), left)
-        after = self._sunk_made(work, made, sunk) if sunk else None
-        return after or self._with_outline(work, made)
+        with suppress(CutterDoesNotFit):            # nothing reaches the others alone: they are shaped together
+            after = self._sunk_made(work, made, sunk) if sunk else None
+            if after is not None:
+                return after
+        return self._with_outline(work, made)
 
     def _sunk_made(self, work, made, sunk):
         """The same with all others, then those slots, pockets and holes sunk under them that can be made; None: none can."""
