@@ -28,7 +28,7 @@ PLATES = ("gland_flange", "phone_holder", "bearing_seat", "mould_core", "optic_m
 LABS = ("pole_tip", "waveguide", "half_cell", "rudder", "bulb", "bottle_mould", "lens_insert", "chevron", "watch_bridge",
         "big_plate")
 SHOPS = ("cold_plate", "tee_mould", "lens_array", "star_knob", "vee_block", "cam", "isogrid", "airfoil_block", "mouse",
-         "pin_electrode", "slotted_disc", "scoop")
+         "pin_electrode", "slotted_disc", "scoop", "engraved", "keyed_cover", "drafted_slot", "cavity_slot", "sunk_recess")
 FAMILIES = {**dict.fromkeys(PLATES, "plates.py"), **dict.fromkeys(LABS, "labs.py"), **dict.fromkeys(SHOPS, "shops.py")}
 LIBRARIES = {"inch_plate": ("--cutters", "inch_mills"),
              **dict.fromkeys(("electrode", "keyboard", "gear", *FAMILIES), ())}      # none is named

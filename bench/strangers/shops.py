@@ -1,4 +1,4 @@
-"""Twelve parts of coolers, moulds, jigs and instruments, from above with the usual cutters: `-p part=cold_plate`."""
+"""Parts of coolers, moulds, jigs and instruments, from above with the usual cutters: `-p part=cold_plate`."""
 
 import math
 from typing import Literal
@@ -13,7 +13,8 @@ IN_MM = 0.01        # inside the part's box: its own sides are sawn
 
 class Shops(Parameters):
     part: Literal["cold_plate", "tee_mould", "lens_array", "star_knob", "vee_block", "cam", "isogrid", "airfoil_block", "mouse",
-                  "pin_electrode", "slotted_disc", "scoop"] = Field(default="cold_plate", description="which of them")
+                  "pin_electrode", "slotted_disc", "scoop", "engraved", "keyed_cover", "drafted_slot", "cavity_slot",
+                  "sunk_recess"] = Field(default="cold_plate", description="which of them")
 
 
 def cold_plate():
@@ -125,6 +126,36 @@ def scoop():
     block = cq.Workplane().box(80, 40, 18).translate((0, 0, -9))
     sec = [cq.Workplane("YZ", origin=(x, 0, 0)).ellipse(r, d).val() for x, r, d in ((-28, 5, 9), (-5, 9, 8), (25, 14, 4))]
     return block.cut(cq.Workplane(cq.Solid.makeLoft(sec)))
+
+
+def engraved():
+    return cq.Workplane().box(80, 30, 8).translate((0, 0, -4)).cut(cq.Workplane().text("LAB 12", 16, -0.8, kind="bold"))
+
+
+def keyed_cover():
+    cover = cq.Workplane().circle(35).extrude(12).faces(">Z").workplane().circle(20).cutBlind(-4)
+    cover = cover.cut(cq.Workplane().circle(12).extrude(20)).cut(cq.Workplane().center(0, 12).rect(6, 6).extrude(20))
+    return cover.faces(">Z").workplane().polarArray(28, 0, 360, 4).hole(5.5)
+
+
+def drafted_slot():
+    """A slot at the bottom of a cavity with drafted walls."""
+    block = cq.Workplane().box(70, 50, 25).translate((0, 0, -12.5)).cut(cq.Workplane().rect(50, 30).extrude(-14, taper=15))
+    return block.cut(cq.Workplane("XY", origin=(0, 0, -14)).slot2D(24, 5).extrude(-4))
+
+
+def cavity_slot():
+    """A pocket at the bottom of a ball's hollow."""
+    block = cq.Workplane().box(60, 60, 25).translate((0, 0, -12.5)).cut(cq.Workplane().sphere(30).translate((0, 0, 18)))
+    return block.cut(cq.Workplane("XY", origin=(0, 0, -16)).rect(8, 16).extrude(10).edges("|Z").fillet(2.6))
+
+
+def sunk_recess():
+    """A pocket and three blind holes at the bottom of a cone."""
+    cone = cq.Workplane("XZ").polyline([(0, 0.01), (26, 0.01), (14, -12), (0, -12)]).close().revolve(360, (0, 0, 0), (0, 1, 0))
+    block, floor = cq.Workplane().box(60, 60, 30).translate((0, 0, -15)).cut(cone), cq.Workplane("XY", origin=(0, 0, -12))
+    return block.cut(floor.polarArray(9, 0, 360, 3).circle(2.6).extrude(-5)).cut(
+        cq.Workplane("XY", origin=(0, 0, -12)).rect(7, 7).extrude(-3).edges("|Z").fillet(1.7))
 
 
 def design(p: Shops) -> Design:

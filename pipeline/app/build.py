@@ -61,7 +61,7 @@ STAGES = ("step", "plan", "gcode", "verify", "report")
 DRAFT = "draft"               # plan, program and a first look at it, in place of all that follows
 DRAFT_OPTIONS = Options(finer=0.5, tessellation_mm=0.01)        # a quarter of the sample points; triangles tell what is in reach
 FACES, GAPS = "faces", "gaps"   # what an order's cutters may leave
-LEFT = {"excess", "missing_area", "face_not_cut"}       # kinds of findings about what stands
+LEFT = {*mending.TOO_HIGH, "face_not_cut"}      # kinds of findings about what stands
 HELD_PLANS = 4                # up to so many hold what they were planned with
 UNVERIFIED = "VERDICT: NOT VERIFIED YET"
 VERSIONED = ("build123d", "cadquery", "cadquery-ocp", "numpy", "scipy", "numba", "manifold3d", "pymeshlab")
@@ -88,19 +88,18 @@ class Order:
     def smaller(self):
         """The ToolLibrary with the first spare ones beside the design's own tools, the others behind it; None: there are none."""
         library = None
-        for own in reversed(self.all_smaller):
-            library = own.with_smaller(library)
+        for name in reversed(self.spare):
+            library = self.library_named(name).with_smaller(library)
         return library
-
-    @property
-    def all_smaller(self):
-        """(ToolLibrary, ...) with all the spare ones."""
-        return tuple(find_library(name).with_tools(self.design.tools) for name in self.spare)
 
     @property
     def for_all(self):
         """Those names that are for more than slots and pockets."""
         return tuple(name for name in self.spare if name != FOR_SLOTS)
+
+    def library_named(self, name):
+        """The ToolLibrary of that name with the design's own tools."""
+        return find_library(name).with_tools(self.design.tools)
 
 
 def build(order, say=lambda text: None):
@@ -200,7 +199,7 @@ def _with_cutters(order, work, step, shape, off, say):
         _leave_only(work, there)
         if smaller:
             say(f"{order.design.name}: the cutters do not get everywhere; planned again with smaller ones beside them")
-            order = replace(order, library=replace(order, spare=smaller).smaller, spare=smaller[1:])
+            order = replace(order, library=order.library_named(smaller[0]), spare=smaller[1:])
         else:
             say(f"{order.design.name}: smaller cutters do no better; planned again without them, what is left listed")
             order = before.pop()
@@ -419,12 +418,13 @@ class _Trial:
         Raises:
             _FaceLeft: what the plans leave, by verdict.FirstLook, one of the spare libraries gets to.
         """
-        for what, left in ((FACES, "faces_left"), (GAPS, "gaps_left")):
-            if self.order.leaves not in (what, FACES) and any(places := getattr(look, left)):
-                libraries = self.order.all_smaller[:len(self.order.for_all)]
-                helping = first_that_helps(libraries, self.order.library, plans, places)
-                if helping is not None:
-                    raise _FaceLeft(what, self.order.spare[helping:])
+        order = self.order
+        for what, left in ((FACES, lambda: look.faces_left), (GAPS, lambda: look.gaps_left)):
+            if order.leaves in (what, FACES) or not any(places := left()):
+                continue
+            helping = first_that_helps([order.library_named(name) for name in order.for_all], order.library, plans, places)
+            if helping is not None:
+                raise _FaceLeft(what, order.spare[helping:])
 
     def _mended(self, plans, wants, number, by):
         """`mending.mended`, which takes minutes of many positions: told where there is something to mend."""

@@ -6,13 +6,13 @@ To plan with a library takes tens of seconds; whether one of its cutters gets to
 import numpy as np
 
 from cuspline.planning.cutter_choice import cutter_reach
+from cuspline.planning.level_finishing import UPRIGHT
 from cuspline.surfaces.curvature import FaceSamples
 
 ENOUGH = 0.02               # of a connected place, that one cutter gets to: with balls so small less of it counts as left
 ASKED = 2000                # samples of one place, about
 ASKED_OF = "flat", "bull_nose", "ball", "drill"
 ROUND_MM = 0.05             # a drill larger by this does not go in where a drill makes the wall
-UPRIGHT = 1e-6              # of a unit normal's z
 
 
 def first_that_helps(libraries, had, plans, left):

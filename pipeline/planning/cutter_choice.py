@@ -22,6 +22,7 @@ WORTH_SHARE = 1e-3          # of the area wanted: what a cutter must clean more 
 SAME_MM = 1e-6              # diameters that are the same
 LEVEL = 1e-6                # of a unit normal: level ground
 TOUCH_MM = 0.03             # a ball that the planning mesh lifts by less than this does touch its point
+TOUCHES_NONE = "touches none of the faces without cutting into others"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,6 +130,8 @@ def choose_ball(library, samples, hollow_radius_mm, mesh, stock_mm, work=None):
             reason = too_large
         elif missing > 0:
             reason = too_short(tool, missing)
+        elif not mine.is_reached.any():
+            reason = TOUCHES_NONE
         else:
             chosen, reach, reason = tool, mine, (
                 f"largest that fits: radius {tool.cutter.radius_mm:.3f} mm, minimum concave radius {hollow_radius_mm:.3f} mm"
@@ -163,7 +166,7 @@ def choose_cutter(title, tools, samples, hollow_radius_mm, look, work, worth_sha
         is_reached, missing = look(tool)
         too_large = reason = _why_not(tool, hollow_radius_mm)
         if not reason and not missing and not is_reached.any():
-            reason = "touches none of the faces without cutting into others"
+            reason = TOUCHES_NONE
         elif not reason and missing > 0:
             reason = too_short(tool, missing)
         looked.append((Candidate(

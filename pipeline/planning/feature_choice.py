@@ -35,7 +35,7 @@ LONG_RING = 10.0           # the same of a ring's middle: a shorter one is a poc
 SLOT_WALLS = 6              # two long ones, what closes its ends
 LOWER_MM = 1e-3             # than the rim: an island whose top the pocket's floor finishing takes with it
 SAID = 3                    # reasons that are written out, each of another operation
-SUNK_MM = 2.0               # of stock over its rim, at least, that a slot or pocket waits for
+SUNK_MM = 2.0               # of stock over its rim, at least, that a slot or pocket waits for: what a sawn blank has there is less
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -42,7 +42,7 @@ KINDS = {
             "A ring groove of 3 mm between upright walls, and no cutter narrower than 3 mm; a counterbore of 6 mm, and no flat "
             "cutter as small; a face that looks away from the tool.",
             "Add a cutter that is narrow enough to the file of `--cutters` (where none is named, `small_mills` and `small_balls` "
-            "have been tried), give the face to a setup that looks at it, or, if it is made elsewhere, take it out of the "
+            "have been considered), give the face to a setup that looks at it, or, if it is made elsewhere, take it out of the "
             "setup's `faces`. Less than half of a face, or an inner corner that stays rounder than drawn, is no finding: report "
             "and verify.json list both under what is not reached."),
         "tab_cut": (

@@ -64,8 +64,11 @@ def gaps(found, faces, ball_radius_mm, finish, axis):
     Args:
         as for `faces_not_cut`.
     """
-    samples, is_left, in_gap = found.samples, _is_left(found, finish), _between_walls(found, ball_radius_mm, finish, axis)
-    in_gap &= samples.weight_mm2[in_gap].sum() >= MISSED_MM2
+    samples, in_gap = found.samples, np.zeros(len(found.samples), bool)
+    is_left = (found.deviation_mm > MISSED * allowed_mm(finish)) & (found.reach == TOO_NARROW) & ~found.is_top
+    upright = np.flatnonzero(is_left & (np.abs(fixed.matmul(samples.normals, np.asarray(axis))) < SQUARE))
+    facing = upright[between_walls(samples.points_mm[upright], samples.normals[upright], 2.0 * ball_radius_mm, found.spacing_mm)]
+    in_gap[facing] = samples.weight_mm2[facing].sum() >= MISSED_MM2
     for k, face in enumerate(faces):
         if face.kind != "plane" or float((face.middle.normal[0] * axis).sum()) < UPWARD:
             continue
@@ -76,17 +79,3 @@ def gaps(found, faces, ball_radius_mm, finish, axis):
         far = left[away > GAP_RADII * ball_radius_mm]
         in_gap[far] |= samples.weight_mm2[far].sum() >= MISSED_MM2
     return found.groups(in_gap)
-
-
-def _is_left(found, finish):
-    """(n,) bool: stands, for no cutter was narrow enough."""
-    return (found.deviation_mm > MISSED * allowed_mm(finish)) & (found.reach == TOO_NARROW) & ~found.is_top
-
-
-def _between_walls(found, ball_radius_mm, finish, axis):
-    """(n,) bool: the same on upright walls which face each other across less than the smallest ball is wide."""
-    samples, between = found.samples, np.zeros(len(found.samples), bool)
-    rows = np.flatnonzero(_is_left(found, finish) & (np.abs(fixed.matmul(samples.normals, np.asarray(axis))) < SQUARE))
-    facing = between_walls(samples.points_mm[rows], samples.normals[rows], 2.0 * ball_radius_mm, found.spacing_mm)
-    between[rows[facing]] = True
-    return between

@@ -23,13 +23,13 @@ from cuspline.verification.reach import (
     why_unreachable,
     why_unreachable_leaning,
 )
+from cuspline.verification.reporter import MISSED_MM2
 from cuspline.verification.samples import Samples
 
 LIMIT_MM = 2.0            # deviations are capped here: far more than any tolerance
 PER_SPACING2 = 17.0       # samples on a square of one spacing
 UNDER_NEAR_MM = 0.5         # of what an undercutting cutter sweeps: places that it was to make
 RUNS_OUT_MM = 0.05          # what a corner keeps is as thin somewhere, where it runs out into the wall
-GAP_MM2 = 1.0               # of walls that face each other
 LEAST_CORNER_MM = 0.05      # of a cutter without one, whose place in a corner nothing tells
 TARGET = 60_000           # samples wanted on one setup: every top and bottom between them is climbed to
 
@@ -318,4 +318,4 @@ def _radius_that_stays(found, group, axis, radius_of):
         return {}
     radius, left = float(radius_of(int(found.row[least]))), upright[found.deviation_mm[upright] > RUNS_OUT_MM]
     facing = between_walls(found.samples.points_mm[left], found.samples.normals[left], 2.0 * radius, found.spacing_mm)
-    return {} if found.samples.weight_mm2[left[facing]].sum() > GAP_MM2 else {"stays_radius_mm": round(radius, 6)}
+    return {} if found.samples.weight_mm2[left[facing]].sum() >= MISSED_MM2 else {"stays_radius_mm": round(radius, 6)}

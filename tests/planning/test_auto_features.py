@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import cadquery as cq
+import numpy as np
 import pytest
 
 from cuspline.app import catalogue
@@ -218,3 +219,15 @@ def test_a_groove_of_two_and_a_half_is_cut_by_the_finest_flat_cutters_at_once():
     shop = SHOP.with_smaller(catalogue.find_library("small_mills").with_smaller(catalogue.find_library("fine_mills")))
     made = planned(block().cut(groove), shop=shop)
     assert {o.tool.cutter.name for o in made.operations} == {"flat 2 mm"} and made.operations[-1].name == "pocket walls"
+
+
+def test_fine_cutters_leave_their_finishing_pass_less_and_take_it_no_deeper_than_a_slot_of_theirs():
+    """A groove of 2.5 mm, 1.5 deep, under 1 mm of stock: from the stock's top, where wider cutters begin at the wall's."""
+    groove = cq.Workplane("XY", origin=(31, 15, Z - 1.5)).rect(40, 22).extrude(9).edges("|Z").fillet(6).cut(
+        cq.Workplane("XY", origin=(31, 15, Z - 1.5)).rect(35, 17).extrude(9).edges("|Z").fillet(3.5))
+    shop = SHOP.with_smaller(catalogue.find_library("fine_mills"))
+    made = planned(block().cut(groove), shop=shop, stock=StockBox(min_mm=(0, 0, 0), max_mm=(X, Y, Z + 1)))
+    walls = next(o for o in made.operations if o.name == "pocket walls" and o.tool.cutter.name == "flat 2 mm")
+    assert walls.facts["finish_allowance_mm"] == pytest.approx(0.3 * 2 / 3)
+    depths = -np.diff([Z + 1, *walls.facts["heights_mm"]])
+    assert walls.facts["heights_mm"][-1] == Z - 1.5 and depths.max() <= walls.tool.cutter.deepest_slot_mm < 1.5

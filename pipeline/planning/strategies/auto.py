@@ -181,9 +181,7 @@ class Auto(Finishing):
                 raise CutterDoesNotFit(f"{error}, or leave `strategy` out: parallel passes with several balls go as far as "
                                        "these do, and what they leave is listed") from None
             return _instead(work, error)
-        except (ToolpathError, PlanError) as error:     # a section with kinks; a groove that the ball does not get into
-            if self.strategy is not None and isinstance(error, PlanError):
-                raise
+        except ToolpathError as error:                  # a section with kinks
             return _instead(work, error)
 
     def _chosen(self, work):
